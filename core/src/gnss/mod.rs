@@ -1,0 +1,14 @@
+//! The GNSS vocabulary: exact time, satellites, signals, epochs of observations, broadcast ephemerides and the models
+//! that turn them into ranges. No estimation happens here.
+//!
+//! Frames are ECEF (WGS 84 / ITRF, metres) of the stated epoch unless a name says otherwise; angles are radians.
+
+pub mod ephemeris;
+pub mod epoch;
+pub mod satellite;
+pub mod signal;
+pub mod solution;
+pub mod time;
+
+/// Speed of light in vacuum `[m/s]` (exact by definition of the metre; IS-GPS-200 20.3.3.3.3).
+pub const SPEED_OF_LIGHT: f64 = 299_792_458.0;

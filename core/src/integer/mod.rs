@@ -1,0 +1,1 @@
+//! Integer ambiguities: decorrelation, bootstrapping, integer least squares, success rates and acceptance tests.

@@ -1,0 +1,28 @@
+//! # surefix-core
+//!
+//! Precise GNSS positioning for receiver firmware and for hosts, from one source: `no_std`, no allocation, no
+//! `unsafe`, no panic on any input, bounded loops and bounded stack.
+//!
+//! ## Rooms, ground floor first
+//! A room uses only rooms above it in this table.
+//!
+//! | room | holds |
+//! |---|---|
+//! | [`real`], [`linalg`] | the scalar trait over `f32`/`f64`; in-place kernels on slices |
+//! | [`stats`] | normal and χ² distributions |
+//! | [`gnss`] | time, satellites, signals, epochs, orbits, atmosphere, geodesy, [`gnss::solution::Solution`] |
+//! | [`integer`] | decorrelation, bootstrapping, integer least squares, success rates, acceptance |
+//!
+//! One principle to hold on to: whatever is decided about an epoch is decided here, and is the same bit for bit on a
+//! Cortex-M and on a server. Therefore transcendental functions come from `libm` only.
+//!
+//! ## Panic contract
+//! No public function panics, whatever its input. Errors are small `Copy` enums, one per operation.
+#![cfg_attr(not(test), no_std)]
+#![forbid(unsafe_code)]
+
+pub mod gnss;
+pub mod integer;
+pub mod linalg;
+pub mod real;
+pub mod stats;

@@ -1,0 +1,1 @@
+//! Dense kernels on slices: in place, no allocation, runtime dimensions.

@@ -1,0 +1,1 @@
+//! Probability distributions: normal and χ².

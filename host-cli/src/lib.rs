@@ -1,0 +1,1 @@
+//! Host side of surefix: readers, processing, simulation, comparison and writers around `surefix-core`.

@@ -1,0 +1,3 @@
+//! The `surefix` command.
+
+fn main() {}
