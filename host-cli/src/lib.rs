@@ -1,1 +1,6 @@
 //! Host side of surefix: readers, processing, simulation, comparison and writers around `surefix-core`.
+//!
+//! Arrows: [`cli`] → everything; readers → core types; processing → core; writers → results. Readers and writers do not
+//! know each other.
+
+pub mod cli;

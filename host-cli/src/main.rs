@@ -1,3 +1,7 @@
-//! The `surefix` command.
+//! The `surefix` command: see `surefix --help`.
 
-fn main() {}
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    surefix::cli::main()
+}
