@@ -5,6 +5,7 @@
 
 pub mod ephemeris;
 pub mod epoch;
+pub mod geodesy;
 pub mod satellite;
 pub mod signal;
 pub mod solution;
