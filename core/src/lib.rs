@@ -21,8 +21,10 @@
 #![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]
 
+pub mod filter;
 pub mod gnss;
 pub mod integer;
 pub mod linalg;
+pub mod model;
 pub mod real;
 pub mod stats;

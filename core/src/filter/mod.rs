@@ -1,0 +1,5 @@
+//! Estimation: densities and the operations that predict, update and re-arrange them.
+
+pub mod common_term;
+pub mod gaussian;
+pub mod screen;

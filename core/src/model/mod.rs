@@ -1,0 +1,4 @@
+//! Models between the vocabulary and the filters: which combination of observations, which noise, which motion.
+
+pub mod motion;
+pub mod noise;
