@@ -3,6 +3,7 @@
 //!
 //! Frames are ECEF (WGS 84 / ITRF, metres) of the stated epoch unless a name says otherwise; angles are radians.
 
+pub mod atmosphere;
 pub mod ephemeris;
 pub mod epoch;
 pub mod geodesy;
