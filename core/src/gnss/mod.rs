@@ -7,6 +7,7 @@ pub mod atmosphere;
 pub mod ephemeris;
 pub mod epoch;
 pub mod geodesy;
+pub mod orbit;
 pub mod satellite;
 pub mod signal;
 pub mod solution;
