@@ -4,3 +4,4 @@
 //! know each other.
 
 pub mod cli;
+pub mod vectors;
