@@ -12,9 +12,9 @@ use super::resolve::{Method, Resolution};
 use super::success_rate::Probability;
 use crate::real::Real;
 
-/// Whether ‖ǎ₂‖² ≥ R ‖ǎ₁‖². Never for norms that are not numbers.
+/// Whether ‖ǎ₂‖² ≥ R ‖ǎ₁‖². Never for norms that are not numbers or are equal.
 pub fn ratio_test<T: Real>(best_norm: T, second_norm: T, threshold: T) -> bool {
-    second_norm >= threshold * best_norm
+    second_norm > best_norm && second_norm >= threshold * best_norm
 }
 
 /// Whether ‖ǎ₂‖² − ‖ǎ₁‖² ≥ δ. Never for norms that are not numbers.
