@@ -28,7 +28,7 @@ const MAX_ENTRY: i64 = 1 << 52;
 /// Decorrelates in place.
 ///
 /// * `q` (n × n): Q on entry, lower triangle read; U on return (zeros below the diagonal).
-/// * `d` (n): returns D [cycles²].
+/// * `d` (n): returns D `[cycles²]`.
 /// * `transform` (n × n): returns Zᵀ.
 /// * `inverse` (n × n): returns Z⁻¹.
 ///

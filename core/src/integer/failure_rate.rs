@@ -55,6 +55,7 @@ const MAX_MODEL_FAILURE: f64 = 0.2;
 
 /// e₁, e₂, e₃ for n = 1…40 at 0.1 %.
 #[rustfmt::skip]
+#[allow(clippy::approx_constant)] // one happens to be near 1/√2
 const PER_MILLE: [[f64; 3]; 40] = [
     [0.0549, -0.4626, -0.1968],
     [0.0507, -0.4739, -0.1450],

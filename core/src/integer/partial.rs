@@ -20,9 +20,9 @@ use crate::real::Real;
 pub struct PartialResolution<'w, T> {
     /// The fixed combinations, rows of Z₂ᵀ (m × n).
     pub combinations: Mat<'w, i64>,
-    /// Their integers Z₂ᵀ a [cycles] (m).
+    /// Their integers Z₂ᵀ a `[cycles]` (m).
     pub values: &'w [i64],
-    /// All n ambiguities given those integers [cycles].
+    /// All n ambiguities given those integers `[cycles]`.
     pub conditional: &'w [T],
     /// Squared norm of the best candidate.
     pub best_norm: T,
@@ -32,7 +32,7 @@ pub struct PartialResolution<'w, T> {
     pub ratio: T,
     /// Bootstrapped success rate of the m combinations.
     pub success_rate: Probability,
-    /// ADOP of the m combinations [cycles].
+    /// ADOP of the m combinations `[cycles]`.
     pub adop: f64,
     /// Nodes the search visited.
     pub nodes: u32,

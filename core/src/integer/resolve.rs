@@ -41,7 +41,7 @@ pub enum Method {
 /// Integers for all ambiguities.
 #[derive(Clone, Copy, Debug)]
 pub struct Resolution<'w, T> {
-    /// The nearest integer vector [cycles].
+    /// The nearest integer vector `[cycles]`.
     pub best: &'w [i64],
     /// The second nearest; equal to `best` where there is none, see [`Method::Bootstrapped`].
     pub second: &'w [i64],
@@ -53,7 +53,7 @@ pub struct Resolution<'w, T> {
     pub ratio: T,
     /// Success rate of bootstrapping after decorrelation, a lower bound for integer least squares.
     pub success_rate: Probability,
-    /// Ambiguity dilution of precision [cycles].
+    /// Ambiguity dilution of precision `[cycles]`.
     pub adop: f64,
     /// Nodes the search visited.
     pub nodes: u32,
@@ -218,7 +218,7 @@ impl<T: Real> Work<'_, T> {
     }
 }
 
-/// Resolves all ambiguities `a` [cycles] with covariance `q` [cycles²].
+/// Resolves all ambiguities `a` `[cycles]` with covariance `q` `[cycles²]`.
 pub fn resolve<'w, T: Real, const N: usize>(
     a: &[T],
     q: Mat<'_, T>,

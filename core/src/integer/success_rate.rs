@@ -6,7 +6,7 @@
 //! |---|---|---|
 //! | [`bootstrapped`] | Π (2Φ(1/(2σ_i)) − 1) | bootstrapping in this order, exact; lower bound of ILS |
 //! | [`rounding_lower`] | Π (2Φ(1/(2√q_ii)) − 1) | rounding, lower bound |
-//! | [`adop`] | (Π σ_i)^(1/n) = det(Q)^(1/2n) | measure of precision [cycles], invariant under Z |
+//! | [`adop`] | (Π σ_i)^(1/n) = det(Q)^(1/2n) | measure of precision `[cycles]`, invariant under Z |
 //! | [`adop_upper`] | (2Φ(1/(2 ADOP)) − 1)ⁿ | bootstrapping, upper bound; only an approximation for ILS |
 //! | [`ils_upper`] | P(χ²_n ≤ c_n / ADOP²), c_n = ((n/2) Γ(n/2))^(2/n) / π | ILS, upper bound |
 //! | [`ball_lower`] | P(χ²_n ≤ min ‖z‖²_Q / 4) over integer z ≠ 0 | ILS, lower bound |
@@ -38,14 +38,14 @@ impl Probability {
     }
 }
 
-/// ln(2Φ(1/(2σ)) − 1) for variance σ² [cycles²].
+/// ln(2Φ(1/(2σ)) − 1) for variance σ² `[cycles²]`.
 pub(crate) fn log_success(variance: f64) -> f64 {
     let half_width = 0.5 / libm::sqrt(2.0 * variance);
     let failure = libm::erfc(half_width);
     if failure < 0.5 { libm::log1p(-failure) } else { libm::log(libm::erf(half_width)) }
 }
 
-/// Success rate of bootstrapping with these conditional variances [cycles²]. 1 for none, NaN where one is negative.
+/// Success rate of bootstrapping with these conditional variances `[cycles²]`. 1 for none, NaN where one is negative.
 pub fn bootstrapped<T: Real>(variances: &[T]) -> Probability {
     Probability::from_log(variances.iter().map(|d| log_success(d.to_f64())).sum())
 }
@@ -55,7 +55,7 @@ pub fn rounding_lower<T: Real>(q: Mat<'_, T>) -> Probability {
     Probability::from_log((0..q.rows().min(q.cols())).map(|i| log_success(q.at(i, i).to_f64())).sum())
 }
 
-/// Ambiguity dilution of precision [cycles] from conditional variances [cycles²]. 0 for none.
+/// Ambiguity dilution of precision `[cycles]` from conditional variances `[cycles²]`. 0 for none.
 pub fn adop<T: Real>(variances: &[T]) -> f64 {
     if variances.is_empty() {
         return 0.0;
@@ -64,12 +64,12 @@ pub fn adop<T: Real>(variances: &[T]) -> f64 {
     libm::exp(0.5 * log_determinant / variances.len() as f64)
 }
 
-/// Upper bound of the bootstrapped success rate, from ADOP [cycles] and dimension.
+/// Upper bound of the bootstrapped success rate, from ADOP `[cycles]` and dimension.
 pub fn adop_upper(adop: f64, n: usize) -> Probability {
     Probability::from_log(n as f64 * log_success(adop * adop))
 }
 
-/// Upper bound of the success rate of integer least squares, from ADOP [cycles] and dimension.
+/// Upper bound of the success rate of integer least squares, from ADOP `[cycles]` and dimension.
 pub fn ils_upper(adop: f64, n: usize) -> Probability {
     let half = 0.5 * n as f64;
     let c = libm::exp((libm::log(half) + libm::lgamma(half)) / half) / core::f64::consts::PI;

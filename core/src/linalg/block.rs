@@ -17,7 +17,7 @@ use crate::real::Real;
 /// What a block update found.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BlockUpdate<T> {
-    /// Normalised innovation squared νᵀ S⁻¹ ν, χ² with m degrees of freedom if model and noise are right [1].
+    /// Normalised innovation squared νᵀ S⁻¹ ν, χ² with m degrees of freedom if model and noise are right `[1]`.
     pub normalized_innovation_squared: T,
     /// ln det S.
     pub log_determinant: f64,

@@ -25,7 +25,7 @@ use crate::real::Real;
 pub struct ScalarUpdate<T> {
     /// Innovation variance s = hᵀ P h + r, in squared units of the measurement.
     pub innovation_variance: T,
-    /// ν / √s, standard normal if model and noise are right [1].
+    /// ν / √s, standard normal if model and noise are right `[1]`.
     pub normalized_innovation: T,
 }
 
