@@ -3,7 +3,7 @@
 //! [`resolve`] takes â and Q, returns the two nearest integer vectors with their norms, the bootstrapped success
 //! rate, ADOP, and how the integers came about. Whether to believe them is for [`super::accept`].
 //!
-//! Memory: a [`Workspace`] of capacity N has 3 N² + 10 N numbers of 8 bytes (f64), 17 KB for N = 24; it is `const`
+//! Memory: a [`Workspace`] of capacity N has 3 N² + 13 N numbers of 8 bytes (f64), 16 KB for N = 24; it is `const`
 //! constructible and belongs into a `static` or the filter's own state. Stack: below 1 KB.
 
 use super::decorrelate::{self, to_integer};
@@ -324,6 +324,11 @@ mod tests {
         let wide = Mat::new(&one, 1, 2, 2).unwrap();
         let error = resolve(&[0.0], wide, &Config::default(), &mut workspace).map(|_| ());
         assert_eq!(error, Err(IntegerError::Shape));
+    }
+
+    #[test]
+    fn the_workspace_is_as_large_as_documented() {
+        assert_eq!(size_of::<Workspace<f64, 24>>(), 8 * (3 * 24 * 24 + 13 * 24));
     }
 
     /// Rounding in a text file makes Q asymmetric in its last digit; that is accepted.
