@@ -4,3 +4,7 @@
 //! know each other.
 
 pub mod cli;
+pub mod compare;
+mod frame;
+pub mod read;
+pub mod write;
