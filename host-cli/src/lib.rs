@@ -7,3 +7,6 @@ pub mod calendar;
 pub mod cli;
 pub mod vectors;
 pub mod read;
+pub mod compare;
+mod frame;
+pub mod write;
