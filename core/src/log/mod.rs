@@ -47,6 +47,8 @@
 //! assert_eq!(reader.counts().good, 1);
 //! ```
 //!
+//! [`RecordReader`] gives records one by one; [`InputReader`] gives what an engine wants, epochs in one piece.
+//!
 //! ## Cost and panic contract
 //! A reader owns [`MAX_FRAME`] bytes, an [`EpochCollector`] one epoch; nothing larger than a solution (0.4 KB) is passed
 //! by value. CRC takes a table of 1 KB in flash. Nothing here panics.
@@ -54,6 +56,7 @@
 mod cobs;
 mod collect;
 mod frame;
+mod input;
 mod reader;
 mod record;
 mod wire;
@@ -61,6 +64,7 @@ mod write;
 
 pub use collect::EpochCollector;
 pub use frame::{FrameError, MAGIC, MAX_FRAME, VERSION, WriteError};
+pub use input::{Input, InputReader};
 pub use reader::{Counts, RecordReader};
 pub use record::{Config, EpochPart, Event, Header, Ionosphere, Record, Station};
 pub use write::{
