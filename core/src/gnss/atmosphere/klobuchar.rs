@@ -10,6 +10,7 @@
 //! φ_m geomagnetic latitude, F obliquity factor, all in semicircles where it says so. Panic contract: never panics.
 
 use crate::gnss::SPEED_OF_LIGHT;
+use crate::gnss::geodesy::{Geodetic, LookAngle};
 use core::f64::consts::PI;
 
 /// GPS L1, to which the coefficients refer `[Hz]`.
@@ -32,13 +33,14 @@ pub struct Klobuchar {
 }
 
 impl Klobuchar {
-    /// Slant delay of code on GPS L1 `[m]` for a receiver at `latitude`, `longitude` `[rad]` and a satellite at
-    /// `azimuth`, `elevation` `[rad]`, at GPS second of week (or of day) `tow` `[s]`.
-    pub fn delay_l1(&self, latitude: f64, longitude: f64, azimuth: f64, elevation: f64, tow: f64) -> f64 {
+    /// Slant delay of code on GPS L1 `[m]` for a receiver at `receiver` and a satellite seen at `look`, at GPS second of
+    /// week (or of day) `tow` `[s]`.
+    pub fn delay_l1(&self, receiver: &Geodetic, look: LookAngle, tow: f64) -> f64 {
+        let LookAngle { azimuth, elevation } = look;
         let elevation = elevation / PI; // semicircles from here on
         let psi = 0.0137 / (elevation + 0.11) - 0.022;
-        let phi_i = (latitude / PI + psi * libm::cos(azimuth)).clamp(-0.416, 0.416);
-        let lambda_i = longitude / PI + psi * libm::sin(azimuth) / libm::cos(phi_i * PI);
+        let phi_i = (receiver.latitude / PI + psi * libm::cos(azimuth)).clamp(-0.416, 0.416);
+        let lambda_i = receiver.longitude / PI + psi * libm::sin(azimuth) / libm::cos(phi_i * PI);
         let phi_m = phi_i + 0.064 * libm::cos((lambda_i - 1.617) * PI);
 
         let local = 43_200.0 * lambda_i + tow;
@@ -58,9 +60,9 @@ impl Klobuchar {
 
     /// Slant delay of code `[m]` at carrier `frequency` `[Hz]`: the L1 delay times (f_L1/f)². Arguments as
     /// [`Klobuchar::delay_l1`].
-    pub fn delay(&self, frequency: f64, latitude: f64, longitude: f64, azimuth: f64, elevation: f64, tow: f64) -> f64 {
+    pub fn delay(&self, frequency: f64, receiver: &Geodetic, look: LookAngle, tow: f64) -> f64 {
         let ratio = F_L1 / frequency;
-        ratio * ratio * self.delay_l1(latitude, longitude, azimuth, elevation, tow)
+        ratio * ratio * self.delay_l1(receiver, look, tow)
     }
 }
 
@@ -75,19 +77,25 @@ mod tests {
         beta: [81_920.0, 98_304.0, -65_536.0, -524_290.0],
     };
 
+    fn at(latitude: f64, longitude: f64) -> Geodetic {
+        Geodetic { latitude, longitude, height: 0.0 }
+    }
+
     #[test]
     fn agrees_with_four_programs() {
         // RTKLIB demo5 2.5.1, raPPPid, sidereon 3.0.4 and a numpy version agree within 1e-14 m on this value
         // (Wettzell, az 0.5, el 0.2 rad, tow 388800 s).
-        let delay = QUIET.delay_l1(0.8577246076000933, 0.2247809543643497, 0.5, 0.2, 388_800.0);
+        let look = LookAngle { azimuth: 0.5, elevation: 0.2 };
+        let delay = QUIET.delay_l1(&at(0.8577246076000933, 0.2247809543643497), look, 388_800.0);
         assert!((delay - 3.9312400620192194).abs() < 1e-9, "{delay}");
     }
 
     #[test]
     fn scales_with_the_inverse_square_of_the_frequency() {
-        let l1 = QUIET.delay(F_L1, 0.8, 0.2, 0.5, 1.0, 50_000.0);
-        let l2 = QUIET.delay(1_227.60e6, 0.8, 0.2, 0.5, 1.0, 50_000.0);
-        assert!((l2 / l1 - (77.0 / 60.0) * (77.0 / 60.0)).abs() < 1e-12); // IS-GPS-200N 20.3.3.3.3.3: γ = (77/60)²
+        let look = LookAngle { azimuth: 0.5, elevation: 1.0 };
+        let delay = |frequency| QUIET.delay(frequency, &at(0.8, 0.2), look, 50_000.0);
+        let ratio = delay(1_227.60e6) / delay(F_L1);
+        assert!((ratio - (77.0 / 60.0) * (77.0 / 60.0)).abs() < 1e-12); // IS-GPS-200N 20.3.3.3.3.3: γ = (77/60)²
     }
 
     proptest! {
@@ -96,13 +104,13 @@ mod tests {
             latitude in -1.57..1.57f64, longitude in -3.2..3.2f64, azimuth in 0.0..6.3f64, elevation in 0.0..1.57f64,
             tow in 0.0..604_800.0f64,
         ) {
-            let delay = QUIET.delay_l1(latitude, longitude, azimuth, elevation, tow);
-            prop_assert!(delay >= 0.99 * SPEED_OF_LIGHT * NIGHT && delay < 100.0);
+            let delay = QUIET.delay_l1(&at(latitude, longitude), LookAngle { azimuth, elevation }, tow);
+            prop_assert!((0.99 * SPEED_OF_LIGHT * NIGHT..100.0).contains(&delay));
         }
 
         #[test]
-        fn takes_anything(a: f64, b: f64, c: f64, d: f64, e: f64, f: f64) {
-            let _ = QUIET.delay(f, a, b, c, d, e);
+        fn takes_anything(frequency: f64, latitude: f64, longitude: f64, azimuth: f64, elevation: f64, tow: f64) {
+            let _ = QUIET.delay(frequency, &at(latitude, longitude), LookAngle { azimuth, elevation }, tow);
         }
     }
 }

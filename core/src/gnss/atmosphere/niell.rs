@@ -8,6 +8,7 @@
 //!
 //! The day is taken with its fraction; programs that truncate it differ by 1e-7. Panic contract: never panics.
 
+use crate::gnss::geodesy::Geodetic;
 use core::f64::consts::PI;
 
 /// Coefficients a, b, c at one latitude, or of one function.
@@ -40,9 +41,10 @@ const WET: [Abc; 5] = [
 /// Height correction.
 const HEIGHT: Abc = [2.53e-5, 5.49e-3, 1.14e-3];
 
-/// Hydrostatic mapping function for day `day_of_year` (1 = 1 January, with fraction), `latitude` `[rad]`, `height`
-/// `[m]` and `elevation` `[rad]` above the horizon.
-pub fn hydrostatic(day_of_year: f64, latitude: f64, height: f64, elevation: f64) -> f64 {
+/// Hydrostatic mapping function for day `day_of_year` (1 = 1 January, with fraction), a receiver at `receiver` and
+/// `elevation` `[rad]` above the horizon.
+pub fn hydrostatic(day_of_year: f64, receiver: &Geodetic, elevation: f64) -> f64 {
+    let Geodetic { latitude, height, .. } = *receiver;
     let half_year = if latitude < 0.0 { 0.5 } else { 0.0 };
     let season = libm::cos(2.0 * PI * ((day_of_year - 28.0) / 365.25 + half_year));
     let average = at_latitude(&AVERAGE, latitude);
@@ -75,19 +77,23 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
+    fn at(latitude: f64, height: f64) -> Geodetic {
+        Geodetic { latitude, longitude: 0.0, height }
+    }
+
     #[test]
     fn agrees_with_five_programs_at_wettzell() {
         // RTKLIB demo5 2.5.1, cssrlib 1.2.1 and numpy: 5.551757108323462 and 5.656392147129067 on day 177 at 10°;
         // PRIDE (Fortran) and sidereon within 4e-8.
         let (latitude, elevation) = (0.8577246076000933, 10f64.to_radians());
-        assert!((hydrostatic(177.0, latitude, 666.0, elevation) - 5.551757108323462).abs() < 1e-9);
+        assert!((hydrostatic(177.0, &at(latitude, 666.0), elevation) - 5.551757108323462).abs() < 1e-9);
         assert!((wet(latitude, elevation) - 5.656392147129067).abs() < 1e-9);
     }
 
     #[test]
     fn the_south_is_half_a_year_later() {
-        let north = hydrostatic(28.0, 0.9, 0.0, 0.2);
-        let south = hydrostatic(28.0 + 365.25 / 2.0, -0.9, 0.0, 0.2);
+        let north = hydrostatic(28.0, &at(0.9, 0.0), 0.2);
+        let south = hydrostatic(28.0 + 365.25 / 2.0, &at(-0.9, 0.0), 0.2);
         assert!((north - south).abs() < 1e-12);
     }
 
@@ -96,15 +102,16 @@ mod tests {
         fn is_one_at_the_zenith_and_grows_towards_the_horizon(
             day in 1.0..366.0f64, latitude in -1.57..1.57f64, height in 0.0..9e3f64, elevation in 0.05..1.5f64,
         ) {
-            prop_assert!((hydrostatic(day, latitude, height, PI / 2.0) - 1.0).abs() < 1e-12);
+            let dry = |elevation| hydrostatic(day, &at(latitude, height), elevation);
+            prop_assert!((dry(PI / 2.0) - 1.0).abs() < 1e-12);
             prop_assert!((wet(latitude, PI / 2.0) - 1.0).abs() < 1e-12);
-            prop_assert!(hydrostatic(day, latitude, height, elevation - 0.01) > hydrostatic(day, latitude, height, elevation));
+            prop_assert!(dry(elevation - 0.01) > dry(elevation));
             prop_assert!(wet(latitude, elevation - 0.01) > wet(latitude, elevation));
         }
 
         #[test]
         fn takes_anything(day: f64, latitude: f64, height: f64, elevation: f64) {
-            let _ = (hydrostatic(day, latitude, height, elevation), wet(latitude, elevation));
+            let _ = (hydrostatic(day, &at(latitude, height), elevation), wet(latitude, elevation));
         }
     }
 }

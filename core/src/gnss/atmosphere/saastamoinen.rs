@@ -9,6 +9,8 @@
 //! Heights are held in 0…10 km, where the standard atmosphere is meaningful: a wrong height neither makes the delay
 //! jump to zero nor makes it absurd. Panic contract: never panics.
 
+use crate::gnss::geodesy::Geodetic;
+
 /// The height range of the model `[m]`.
 const HEIGHTS: core::ops::RangeInclusive<f64> = 0.0..=10_000.0;
 
@@ -48,9 +50,9 @@ impl StandardAtmosphere {
         }
     }
 
-    /// Zenith delays of this weather for a receiver at `latitude` `[rad]` and `height` `[m]`.
-    pub fn zenith_delay(&self, latitude: f64, height: f64) -> ZenithDelay {
-        let gravity = 1.0 - 0.00266 * libm::cos(2.0 * latitude) - 0.00028 * held(height) / 1e3;
+    /// Zenith delays of this weather for a receiver at `receiver`.
+    pub fn zenith_delay(&self, receiver: &Geodetic) -> ZenithDelay {
+        let gravity = 1.0 - 0.00266 * libm::cos(2.0 * receiver.latitude) - 0.00028 * held(receiver.height) / 1e3;
         ZenithDelay {
             hydrostatic: 0.0022768 * self.pressure / gravity,
             wet: 0.002277 * (1255.0 / self.temperature + 0.05) * self.vapour_pressure,
@@ -69,12 +71,16 @@ impl ZenithDelay {
 mod tests {
     use super::*;
 
+    fn at(latitude: f64, height: f64) -> Geodetic {
+        Geodetic { latitude, longitude: 0.0, height }
+    }
+
     #[test]
     fn sea_level_is_that_of_the_standard_atmosphere() {
         let air = StandardAtmosphere::at_height(0.0, 0.5);
         assert_eq!((air.pressure, air.temperature), (1013.25, 288.16));
         // Davis et al. 1985: 2.2768 mm/hPa at 45°.
-        let zenith = air.zenith_delay(core::f64::consts::FRAC_PI_4, 0.0);
+        let zenith = air.zenith_delay(&at(core::f64::consts::FRAC_PI_4, 0.0));
         assert!((zenith.hydrostatic - 2.30697).abs() < 1e-4);
         assert!((0.05..0.15).contains(&zenith.wet));
     }
@@ -82,7 +88,7 @@ mod tests {
     #[test]
     fn agrees_with_rtklib_at_wettzell() {
         // RTKLIB demo5 2.5.1 tropmodel: 2.22212764858241 m at the zenith (lat 0.8577246076 rad, 666 m, humidity 0.7).
-        let zenith = StandardAtmosphere::at_height(666.0, 0.7).zenith_delay(0.8577246076000933, 666.0);
+        let zenith = StandardAtmosphere::at_height(666.0, 0.7).zenith_delay(&at(0.8577246076000933, 666.0));
         assert!((zenith.total() - 2.22212764858241).abs() < 1e-9);
         assert!((zenith.hydrostatic - 2.1300918068043995).abs() < 1e-9);
     }
