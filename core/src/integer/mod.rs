@@ -1,1 +1,39 @@
-//! Integer ambiguities: decorrelation, bootstrapping, integer least squares, success rates and acceptance tests.
+//! Integer ambiguities: from a float vector â and its covariance Q to integers that can be trusted, or to the
+//! statement that they cannot.
+//!
+//! ```text
+//! â, Q ─► decorrelate ─► ẑ, Q_z = U D Uᵀ ─► search (budget) ─► ž, second best ─► ǎ = Z⁻ᵀ ž ─► accept
+//!                              │                 └─ exhausted ─► bootstrap
+//!                              └─► success rates, largest subset worth fixing (partial)
+//! ```
+//! [`resolve()`] does all of it in one call on a [`Workspace`]; the steps are public for those who need one.
+//!
+//! | module | holds |
+//! |---|---|
+//! | [`decorrelate`] | the Z-transform (LAMBDA reduction) |
+//! | [`bootstrap`] | sequential conditional rounding |
+//! | [`search`] | the k nearest integer vectors, bounded by a node budget |
+//! | [`success_rate`] | exact bootstrapped success rate, ADOP, bounds for rounding and integer least squares |
+//! | [`accept`] | ratio, difference and success-rate tests |
+//! | [`partial`] | fixing a subset |
+//! | [`condition`] | mean and covariance of other states given fixed ambiguities |
+//!
+//! Conventions. Ambiguities in cycles, variances in cycles², norms (a − z)ᵀ Q⁻¹ (a − z) without unit. Ties round
+//! away from zero. â is split into rint(â), exact in `i64`, and a fraction before anything else, so that 1e7 cycles
+//! cost no digits. Q may be asymmetric in its last digits, it is symmetrised.
+//!
+//! Panic contract: no function panics; errors are [`IntegerError`].
+
+pub mod accept;
+pub mod bootstrap;
+pub mod condition;
+pub mod decorrelate;
+mod error;
+pub mod partial;
+pub mod resolve;
+pub mod search;
+pub mod success_rate;
+
+pub use error::IntegerError;
+pub use partial::resolve_partial;
+pub use resolve::{Config, Method, Resolution, Workspace, resolve};

@@ -1,1 +1,50 @@
-//! Dense kernels on slices: in place, no allocation, runtime dimensions.
+//! In-place kernels on slices: factorisations, triangular solves and measurement updates.
+//!
+//! Matrices are row-major views [`Mat`] and [`MatMut`] with a leading dimension `ld`, so that a logical n × n matrix
+//! lives in the corner of a buffer of any capacity. Symmetric matrices are stored full, both triangles; kernels read
+//! what their documentation says and write both, so that symmetry is exact by construction. Inner loops run over
+//! contiguous rows.
+//!
+//! | module | holds |
+//! |---|---|
+//! | [`view`] | matrix views |
+//! | [`cholesky`] | A = L Lᵀ and its solves |
+//! | [`ldl`] | A = L D Lᵀ, and Q = Lᵀ D L as integer estimation wants it |
+//! | [`triangular`] | forward and back substitution, inverse |
+//! | [`sequential`] | Kalman update by one scalar measurement, plain and Joseph |
+//! | [`block`] | Kalman update by several correlated measurements, whitening |
+//!
+//! Nothing here allocates or panics. Shapes are checked once on entry; where a function fails on its numbers, its
+//! documentation says what state the arguments are left in.
+
+pub mod block;
+pub mod cholesky;
+mod error;
+pub mod ldl;
+pub mod sequential;
+pub mod triangular;
+pub mod view;
+
+pub use error::LinalgError;
+pub use view::{Mat, MatMut};
+
+use crate::real::Real;
+
+/// Σ aᵢ bᵢ over the shorter of the two.
+pub(crate) fn dot<T: Real>(a: &[T], b: &[T]) -> T {
+    a.iter().zip(b).fold(T::ZERO, |sum, (&a, &b)| sum + a * b)
+}
+
+/// y ← y + s x over the shorter of the two.
+pub(crate) fn axpy<T: Real>(y: &mut [T], s: T, x: &[T]) {
+    for (y, &x) in y.iter_mut().zip(x) {
+        *y += s * x;
+    }
+}
+
+/// x ← s x.
+pub(crate) fn scale<T: Real>(x: &mut [T], s: T) {
+    for x in x {
+        *x *= s;
+    }
+}

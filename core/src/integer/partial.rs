@@ -1,0 +1,157 @@
+//! Fixing a part of the ambiguities.
+//!
+//! Two ways to choose the part:
+//! * In the decorrelated space ([`resolve_partial`]): the conditional variances descend towards the last component,
+//!   so the largest trailing set whose bootstrapped success rate reaches P₀ is fixed. P. J. G. Teunissen, P. Joosten
+//!   & C. Tiberius, *Geometry-free ambiguity success rates in case of partial fixing*, ION NTM (1999). What is fixed
+//!   are integer combinations Z₂ᵀ a, not single ambiguities.
+//! * In the original space, by the caller (elevation, signal, age): [`select`] extracts â and Q of a subset for
+//!   [`super::resolve()`].
+
+use super::accept::{Decision, Thresholds};
+use super::resolve::{Config, Fix, Method, Work, Workspace};
+use super::success_rate::{self, Probability};
+use super::{IntegerError, decorrelate};
+use crate::linalg::{Mat, MatMut, dot};
+use crate::real::Real;
+
+/// Integers for m ≤ n combinations of ambiguities.
+#[derive(Clone, Copy, Debug)]
+pub struct PartialResolution<'w, T> {
+    /// The fixed combinations, rows of Z₂ᵀ (m × n).
+    pub combinations: Mat<'w, i64>,
+    /// Their integers Z₂ᵀ a [cycles] (m).
+    pub values: &'w [i64],
+    /// All n ambiguities given those integers [cycles].
+    pub conditional: &'w [T],
+    /// Squared norm of the best candidate.
+    pub best_norm: T,
+    /// Squared norm of the second best; that of the best where there is none.
+    pub second_norm: T,
+    /// `second_norm / best_norm`; 1 where there is no second.
+    pub ratio: T,
+    /// Bootstrapped success rate of the m combinations.
+    pub success_rate: Probability,
+    /// ADOP of the m combinations [cycles].
+    pub adop: f64,
+    /// Nodes the search visited.
+    pub nodes: u32,
+    /// How the integers were found.
+    pub method: Method,
+}
+
+impl<T: Real> PartialResolution<'_, T> {
+    /// Whether these integers may be used as if known. An empty set is never accepted.
+    pub fn decide(&self, thresholds: &Thresholds) -> Decision {
+        if self.values.is_empty() {
+            return Decision::LowSuccessRate;
+        }
+        thresholds.decide(self.success_rate, self.method, self.best_norm, self.second_norm)
+    }
+}
+
+/// Index of the first component of the largest trailing set with success rate ≥ `min_success`; n for none.
+pub fn first_to_fix<T: Real>(variances: &[T], min_success: f64) -> usize {
+    let mut log = 0.0;
+    let mut first = variances.len();
+    for (i, variance) in variances.iter().enumerate().rev() {
+        log += success_rate::log_success(variance.to_f64());
+        if libm::exp(log) >= min_success {
+            first = i;
+        } else {
+            break;
+        }
+    }
+    first
+}
+
+/// Fixes the largest set of decorrelated ambiguities whose bootstrapped success rate is at least `min_success`.
+///
+/// The set may be empty: `values` is then empty too and `conditional` is â.
+pub fn resolve_partial<'w, T: Real, const N: usize>(
+    a: &[T],
+    q: Mat<'_, T>,
+    min_success: f64,
+    config: &Config,
+    workspace: &'w mut Workspace<T, N>,
+) -> Result<PartialResolution<'w, T>, IntegerError> {
+    resolve_partial_in(a, q, min_success, config, workspace.work(a.len())?)
+}
+
+fn resolve_partial_in<'w, T: Real>(
+    a: &[T],
+    q: Mat<'_, T>,
+    min_success: f64,
+    config: &Config,
+    mut work: Work<'w, T>,
+) -> Result<PartialResolution<'w, T>, IntegerError> {
+    work.prepare(a, q)?;
+    let n = a.len();
+    let first = first_to_fix(work.variances, min_success);
+    let fix = if first < n {
+        work.fix_from(first, config.budget)?
+    } else {
+        let method = Method::LeastSquares;
+        Fix { best_norm: T::ZERO, second_norm: T::ZERO, ratio: T::ONE, nodes: 0, method }
+    };
+    // ẑ given the fixed components: the others follow through U, a fixed one is its integer.
+    for i in 0..n {
+        work.reduced[i] = if i < first {
+            work.reduced[i] - dot(&work.factor.row(i)[first..], &work.residual[first..])
+        } else {
+            T::from_f64(work.candidates.at(0, i) as f64)
+        };
+    }
+    decorrelate::back_transform(work.inverse.as_ref(), work.reduced, work.fraction)?;
+    // Integers of the combinations of a, not of a − rint(a).
+    for i in first..n {
+        for (&t, &base) in work.transform.row(i).iter().zip(&*work.base) {
+            let value = work.candidates.at_mut(0, i);
+            let sum = t.checked_mul(base).and_then(|product| value.checked_add(product));
+            *value = sum.ok_or(IntegerError::Overflow)?;
+        }
+    }
+    for (a, &base) in work.fraction.iter_mut().zip(&*work.base) {
+        *a += T::from_f64(base as f64);
+    }
+    let variances = &work.variances[first..];
+    let success_rate = success_rate::bootstrapped(variances);
+    let adop = success_rate::adop(variances);
+    let combinations = work.transform.into_ref().block(first, 0, n - first, n)?;
+    Ok(PartialResolution {
+        combinations,
+        values: &work.candidates.into_ref().row(0)[first..],
+        conditional: work.fraction,
+        best_norm: fix.best_norm,
+        second_norm: fix.second_norm,
+        ratio: fix.ratio,
+        success_rate,
+        adop,
+        nodes: fix.nodes,
+        method: fix.method,
+    })
+}
+
+/// Copies the ambiguities `indices` of (`a`, `q`) into `sub_a` (m) and `sub_q` (m × m).
+pub fn select<T: Real>(
+    a: &[T],
+    q: Mat<'_, T>,
+    indices: &[usize],
+    sub_a: &mut [T],
+    sub_q: &mut MatMut<'_, T>,
+) -> Result<(), IntegerError> {
+    let (n, m) = (a.len(), indices.len());
+    if [q.rows(), q.cols()] != [n; 2] || [sub_a.len(), sub_q.rows(), sub_q.cols()] != [m; 3] {
+        return Err(IntegerError::Shape);
+    }
+    if indices.iter().any(|&i| i >= n) {
+        return Err(IntegerError::Shape);
+    }
+    for (i, &row) in indices.iter().enumerate() {
+        sub_a[i] = a[row];
+        for (j, &col) in indices.iter().enumerate() {
+            *sub_q.at_mut(i, j) = q.at(row, col);
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,275 @@
+//! All of integer estimation in one call.
+//!
+//! [`resolve`] takes â and Q, returns the two nearest integer vectors with their norms, the bootstrapped success
+//! rate, ADOP, and how the integers came about. Whether to believe them is for [`super::accept`].
+//!
+//! Memory: a [`Workspace`] of capacity N has 3 N² + 10 N numbers of 8 bytes (f64), 17 KB for N = 24; it is `const`
+//! constructible and belongs into a `static` or the filter's own state. Stack: below 1 KB.
+
+use super::decorrelate::{self, to_integer};
+use super::search::{self, Level, Search};
+use super::success_rate::{self, Probability};
+use super::{IntegerError, bootstrap};
+use crate::linalg::{Mat, MatMut, dot};
+use crate::real::Real;
+
+/// Q may differ from Qᵀ by this fraction of √(q_ii q_jj): it may come from a text file.
+const MAX_ASYMMETRY: f64 = 1e-3;
+
+/// How far to search.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Config {
+    /// Nodes a search may visit before it gives up for bootstrapping.
+    pub budget: u32,
+}
+
+impl Default for Config {
+    fn default() -> Self {
+        Self { budget: search::DEFAULT_BUDGET }
+    }
+}
+
+/// How integers were found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Method {
+    /// Integer least squares, proven.
+    LeastSquares,
+    /// Bootstrapping after decorrelation, because the search exhausted its budget. There is no second candidate.
+    Bootstrapped,
+}
+
+/// Integers for all ambiguities.
+#[derive(Clone, Copy, Debug)]
+pub struct Resolution<'w, T> {
+    /// The nearest integer vector [cycles].
+    pub best: &'w [i64],
+    /// The second nearest; equal to `best` where there is none, see [`Method::Bootstrapped`].
+    pub second: &'w [i64],
+    /// Squared norm of `best`.
+    pub best_norm: T,
+    /// Squared norm of `second`; that of `best` where there is none.
+    pub second_norm: T,
+    /// `second_norm / best_norm`, at least 1; exactly 1 where there is no second, so that no ratio test passes.
+    pub ratio: T,
+    /// Success rate of bootstrapping after decorrelation, a lower bound for integer least squares.
+    pub success_rate: Probability,
+    /// Ambiguity dilution of precision [cycles].
+    pub adop: f64,
+    /// Nodes the search visited.
+    pub nodes: u32,
+    /// How the integers were found.
+    pub method: Method,
+}
+
+/// Memory for up to N ambiguities.
+#[derive(Debug)]
+pub struct Workspace<T, const N: usize> {
+    /// Q, then U.
+    factor: [[T; N]; N],
+    /// Zᵀ.
+    transform: [[i64; N]; N],
+    /// Z⁻¹.
+    inverse: [[i64; N]; N],
+    variances: [T; N],
+    /// rint(â).
+    base: [i64; N],
+    /// â − rint(â); later the float ambiguities given the fixed ones.
+    fraction: [T; N],
+    /// Zᵀ (â − rint(â)).
+    reduced: [T; N],
+    residual: [T; N],
+    levels: [Level<T>; N],
+    /// The two best ž.
+    candidates: [[i64; N]; 2],
+    /// The two best ǎ.
+    fixed: [[i64; N]; 2],
+}
+
+impl<T: Real, const N: usize> Default for Workspace<T, N> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl<T: Real, const N: usize> Workspace<T, N> {
+    /// An empty workspace.
+    pub const fn new() -> Self {
+        Self {
+            factor: [[T::ZERO; N]; N],
+            transform: [[0; N]; N],
+            inverse: [[0; N]; N],
+            variances: [T::ZERO; N],
+            base: [0; N],
+            fraction: [T::ZERO; N],
+            reduced: [T::ZERO; N],
+            residual: [T::ZERO; N],
+            levels: [Level::ZERO; N],
+            candidates: [[0; N]; 2],
+            fixed: [[0; N]; 2],
+        }
+    }
+
+    /// The n-dimensional part of it.
+    pub(super) fn work(&mut self, n: usize) -> Result<Work<'_, T>, IntegerError> {
+        if n > N {
+            return Err(IntegerError::Capacity);
+        }
+        if n == 0 {
+            return Err(IntegerError::Shape);
+        }
+        Ok(Work {
+            factor: MatMut::new(self.factor.as_flattened_mut(), n, n, N)?,
+            transform: MatMut::new(self.transform.as_flattened_mut(), n, n, N)?,
+            inverse: MatMut::new(self.inverse.as_flattened_mut(), n, n, N)?,
+            variances: &mut self.variances[..n],
+            base: &mut self.base[..n],
+            fraction: &mut self.fraction[..n],
+            reduced: &mut self.reduced[..n],
+            residual: &mut self.residual[..n],
+            levels: &mut self.levels[..n],
+            candidates: MatMut::new(self.candidates.as_flattened_mut(), 2, n, N)?,
+            fixed: MatMut::new(self.fixed.as_flattened_mut(), 2, n, N)?,
+        })
+    }
+}
+
+/// A workspace cut to the dimension of one problem; code on it is compiled once for every N.
+pub(super) struct Work<'w, T> {
+    pub factor: MatMut<'w, T>,
+    pub transform: MatMut<'w, i64>,
+    pub inverse: MatMut<'w, i64>,
+    pub variances: &'w mut [T],
+    pub base: &'w mut [i64],
+    pub fraction: &'w mut [T],
+    pub reduced: &'w mut [T],
+    pub residual: &'w mut [T],
+    pub levels: &'w mut [Level<T>],
+    pub candidates: MatMut<'w, i64>,
+    pub fixed: MatMut<'w, i64>,
+}
+
+/// What fixing a set of transformed ambiguities gave; vectors stay in the workspace.
+pub(super) struct Fix<T> {
+    pub best_norm: T,
+    pub second_norm: T,
+    pub ratio: T,
+    pub nodes: u32,
+    pub method: Method,
+}
+
+impl<T: Real> Work<'_, T> {
+    /// Checks â and Q, splits off rint(â), symmetrises, decorrelates and transforms.
+    pub fn prepare(&mut self, a: &[T], q: Mat<'_, T>) -> Result<(), IntegerError> {
+        let n = self.base.len();
+        if a.len() != n || q.rows() != n || q.cols() != n {
+            return Err(IntegerError::Shape);
+        }
+        for i in 0..n {
+            if !(a[i].is_finite() && q.row(i).iter().all(|q| q.is_finite())) {
+                return Err(IntegerError::NotFinite);
+            }
+            let integer = a[i].round();
+            self.base[i] = to_integer(integer)?;
+            self.fraction[i] = a[i] - integer;
+        }
+        let tolerance = T::from_f64(MAX_ASYMMETRY);
+        for i in 0..n {
+            for j in 0..i {
+                let scale = q.at(i, i).abs().sqrt() * q.at(j, j).abs().sqrt();
+                if (q.at(i, j) - q.at(j, i)).abs() > tolerance * scale {
+                    return Err(IntegerError::Asymmetric { row: i });
+                }
+            }
+        }
+        self.factor.copy_from(q)?;
+        self.factor.symmetrize();
+        decorrelate::decorrelate(&mut self.factor, self.variances, &mut self.transform, &mut self.inverse)?;
+        decorrelate::transform(self.transform.as_ref(), self.fraction, self.reduced)
+    }
+
+    /// Fixes the transformed ambiguities `first`… in `candidates` and leaves their residuals in `residual`.
+    pub fn fix_from(&mut self, first: usize, budget: u32) -> Result<Fix<T>, IntegerError> {
+        let n = self.base.len();
+        let m = n - first;
+        let factor = self.factor.as_ref().block(first, first, m, m)?;
+        let (reduced, variances) = (&self.reduced[first..], &self.variances[first..]);
+        let residual = &mut self.residual[first..];
+        let mut candidates = self.candidates.block_mut(0, first, 2, m)?;
+        let mut norms = [T::ZERO; 2];
+        let levels = &mut self.levels[first..];
+        match search::search(reduced, factor, variances, budget, &mut candidates, &mut norms, levels, residual)? {
+            Search::Complete { nodes } => {
+                // Residuals along the best candidate, which the search has since left.
+                for i in (0..m).rev() {
+                    let conditional = reduced[i] - dot(&factor.row(i)[i + 1..], &residual[i + 1..]);
+                    residual[i] = conditional - T::from_f64(candidates.at(0, i) as f64);
+                }
+                let [best_norm, second_norm] = norms;
+                Ok(Fix { best_norm, second_norm, ratio: second_norm / best_norm, nodes, method: Method::LeastSquares })
+            }
+            Search::Exhausted { nodes } => {
+                let norm = bootstrap::bootstrap(reduced, factor, variances, candidates.row_mut(0), residual)?;
+                let (second, best) = candidates.row_pair(1, 0);
+                second.copy_from_slice(best);
+                let method = Method::Bootstrapped;
+                Ok(Fix { best_norm: norm, second_norm: norm, ratio: T::ONE, nodes, method })
+            }
+        }
+    }
+}
+
+/// Resolves all ambiguities `a` [cycles] with covariance `q` [cycles²].
+pub fn resolve<'w, T: Real, const N: usize>(
+    a: &[T],
+    q: Mat<'_, T>,
+    config: &Config,
+    workspace: &'w mut Workspace<T, N>,
+) -> Result<Resolution<'w, T>, IntegerError> {
+    resolve_in(a, q, config, workspace.work(a.len())?)
+}
+
+fn resolve_in<'w, T: Real>(
+    a: &[T],
+    q: Mat<'_, T>,
+    config: &Config,
+    mut work: Work<'w, T>,
+) -> Result<Resolution<'w, T>, IntegerError> {
+    work.prepare(a, q)?;
+    let fix = work.fix_from(0, config.budget)?;
+    for candidate in 0..2 {
+        let fixed = work.fixed.row_mut(candidate);
+        fixed.copy_from_slice(work.base);
+        decorrelate::back_transform_integers(work.inverse.as_ref(), work.candidates.row(candidate), fixed)?;
+    }
+    let fixed = work.fixed.into_ref();
+    Ok(Resolution {
+        best: fixed.row(0),
+        second: fixed.row(1),
+        best_norm: fix.best_norm,
+        second_norm: fix.second_norm,
+        ratio: fix.ratio,
+        success_rate: success_rate::bootstrapped(work.variances),
+        adop: success_rate::adop(work.variances),
+        nodes: fix.nodes,
+        method: fix.method,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// P. de Jonge & C. Tiberius, LGR 12 (1996), sec. 4: the three-dimensional example.
+    #[test]
+    fn textbook_example() {
+        let q = [6.290, 5.978, 0.544, 5.978, 6.292, 2.340, 0.544, 2.340, 6.288];
+        let mut workspace = Workspace::<f64, 4>::new();
+        let q = Mat::square(&q, 3).unwrap();
+        let found = resolve(&[5.45, 3.10, 2.97], q, &Config::default(), &mut workspace).unwrap();
+        assert_eq!(found.best, [5, 3, 4]);
+        assert_eq!(found.second, [6, 4, 4]);
+        assert!((found.best_norm - 0.218_331).abs() < 1e-5);
+        assert!((found.second_norm - 0.307_273).abs() < 1e-5);
+        assert_eq!(found.method, Method::LeastSquares);
+    }
+}
