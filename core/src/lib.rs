@@ -12,6 +12,7 @@
 //! | [`stats`] | normal and χ² distributions |
 //! | [`gnss`] | time, satellites, signals, epochs, orbits, atmosphere, geodesy, [`gnss::solution::Solution`] |
 //! | [`integer`] | decorrelation, bootstrapping, integer least squares, success rates, acceptance |
+//! | [`spp`] | single-point position and velocity with fault exclusion |
 //!
 //! One principle to hold on to: whatever is decided about an epoch is decided here, and is the same bit for bit on a
 //! Cortex-M and on a server. Therefore transcendental functions come from `libm` only.
@@ -27,4 +28,5 @@ pub mod integer;
 pub mod linalg;
 pub mod model;
 pub mod real;
+pub mod spp;
 pub mod stats;
