@@ -13,6 +13,7 @@
 //! | [`gnss`] | time, satellites, signals, epochs, orbits, atmosphere, geodesy, [`gnss::solution::Solution`] |
 //! | [`log`] | the device log: framed, checksummed records (feature `log`) |
 //! | [`integer`] | decorrelation, bootstrapping, integer least squares, success rates, acceptance |
+//! | [`spp`] | single-point position and velocity with fault exclusion |
 //!
 //! One principle to hold on to: whatever is decided about an epoch is decided here, and is the same bit for bit on a
 //! Cortex-M and on a server. Therefore transcendental functions come from `libm` only.
@@ -30,4 +31,5 @@ pub mod linalg;
 pub mod log;
 pub mod model;
 pub mod real;
+pub mod spp;
 pub mod stats;
