@@ -25,7 +25,7 @@ pub struct Files {
     /// Navigation messages (RINEX 2 or 3, plain or gzipped), one file or more
     #[arg(value_name = "NAV", required = true)]
     pub navigation: Vec<PathBuf>,
-    /// Coordinate of the base marker, ECEF [m]; without it the one in the header of BASE is used
+    /// Coordinate of the base marker, ECEF metres; without it the one in the header of BASE is used
     #[arg(long, num_args = 3, value_names = ["X", "Y", "Z"], allow_negative_numbers = true)]
     pub base_xyz: Option<Vec<f64>>,
 }
