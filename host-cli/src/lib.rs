@@ -6,7 +6,8 @@
 pub mod calendar;
 pub mod cli;
 pub mod compare;
-mod frame;
+pub mod log;
+pub mod process;
 pub mod read;
 pub mod vectors;
 pub mod write;
