@@ -5,6 +5,7 @@
 //! Observations are streamed: memory is bounded by one epoch. Fields are read from bytes in fixed columns, so that
 //! damaged or non-UTF-8 bytes cost the value they hit and nothing else.
 
+mod compact;
 mod header;
 mod navigation;
 mod observation;

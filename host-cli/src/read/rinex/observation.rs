@@ -10,12 +10,13 @@
 //! * Values are taken as recorded: SYS / SCALE FACTOR is divided out; phase shifts (SYS / PHASE SHIFT) and receiver
 //!   clock offsets (RCV CLOCK OFFS APPL) are in them or not as the writer decided.
 
-use super::header::{ObservationHeader, first_line};
+use super::compact::ExpandedLines;
+use super::header::ObservationHeader;
 use super::observation_types::{Column, Quantity};
 use crate::calendar::DateTime;
 use crate::read::field::{columns, decimal, integer, real};
 use crate::read::lines::Lines;
-use crate::read::{FileKind, ReadError, ReadReport, Reason};
+use crate::read::{ReadError, ReadReport, Reason};
 use std::io::BufRead;
 use std::ops::RangeInclusive;
 use std::path::Path;
@@ -67,7 +68,7 @@ impl ObservationEpoch {
 /// # }
 /// ```
 pub struct ObservationReader {
-    lines: Lines,
+    lines: ExpandedLines,
     header: ObservationHeader,
     report: ReadReport,
     latest: Option<GpsTime>,
@@ -106,8 +107,8 @@ impl ObservationReader {
         if !lines.advance(&mut report)? {
             return Err(ReadError::Empty { file: lines.file().to_owned() });
         }
-        let first = first_line(&lines, FileKind::Observation)?;
-        let header = ObservationHeader::read(&mut lines, first, &mut report)?;
+        let mut lines = ExpandedLines::new(lines, &mut report)?;
+        let header = ObservationHeader::read(&mut lines, &mut report)?;
         Ok(Self {
             lines,
             header,
