@@ -3,10 +3,9 @@
 //! Arrows: [`cli`] → everything; readers → core types; processing → core; writers → results. Readers and writers do not
 //! know each other.
 
-pub mod calendar;
 pub mod cli;
-pub mod vectors;
-pub mod read;
 pub mod compare;
 mod frame;
+pub mod read;
+pub mod vectors;
 pub mod write;

@@ -2,7 +2,7 @@
 
 use super::compact::ExpandedLines;
 use super::observation_types::Layout;
-use crate::calendar::TimeScale;
+use super::time_scale::TimeScale;
 use crate::read::field::{columns, integer, real, scientific, text};
 use crate::read::lines::Lines;
 use crate::read::{FileKind, ReadError, ReadReport};

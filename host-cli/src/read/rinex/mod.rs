@@ -10,7 +10,9 @@ mod header;
 mod navigation;
 mod observation;
 mod observation_types;
+mod time_scale;
 
 pub use header::{ObservationHeader, Version};
-pub use navigation::{Klobuchar, NavigationData};
+pub use navigation::NavigationData;
 pub use observation::{ObservationEpoch, ObservationReader};
+pub use time_scale::TimeScale;
