@@ -5,7 +5,8 @@
 //! the receiver clock offset; a line a satellite. In these, values are integers (thousandths; the last decimal for
 //! the clock), differenced to a growing order up to that which `order&value` announces at the start of an arc:
 //! with u⁰ₖ the value at epoch k, uᵐₖ = uᵐ⁻¹ₖ − uᵐ⁻¹ₖ₋₁; an empty field ends the arc. The values are followed by the
-//! flags, two a value, again as characters that differ.
+//! flags, two a value, again as characters that differ. In CRINEX 1.0 an empty field also blanks its flags, which is
+//! in no description but in what RNX2CRX 4.0.8 writes.
 //!
 //! A damaged line cannot be repaired, since later ones build on it: its satellite is left out and counted until its
 //! flags and arcs start afresh, and after a damaged epoch line everything is, until the next one that is complete.
@@ -245,7 +246,7 @@ impl Expander {
                 None => Satellite::new(name, self.types[usize::from(name[0])]),
             };
             // A last line without its end may have lost digits; elsewhere values are differences, not aligned.
-            let record = if lines.is_whole() { satellite.expand(lines.line()) } else { Err(Damaged) };
+            let record = if lines.is_whole() { satellite.expand(lines.line(), self.version_3) } else { Err(Damaged) };
             match record {
                 Ok(record) => self.queue_record(name, &record),
                 Err(Damaged) => {
@@ -306,15 +307,18 @@ impl Satellite {
     }
 
     /// Expands a line into fields of 16 columns.
-    fn expand(&mut self, line: &[u8]) -> Result<Vec<u8>, Damaged> {
+    fn expand(&mut self, line: &[u8], version_3: bool) -> Result<Vec<u8>, Damaged> {
         if self.lost {
             return Err(Damaged);
         }
         let mut rest = line;
-        for arc in &mut self.arcs {
+        for (arc, flags) in self.arcs.iter_mut().zip(self.flags.chunks_exact_mut(2)) {
             let end = rest.iter().position(|&byte| byte == b' ').unwrap_or(rest.len());
             let field = &rest[..end];
             *arc = if field.is_empty() { None } else { Some(Arc::next(*arc, field)?) };
+            if arc.is_none() && !version_3 {
+                flags.fill(b' ');
+            }
             rest = rest.get(end + 1..).unwrap_or(&[]);
         }
         let types = self.arcs.len();
