@@ -31,6 +31,13 @@ fn glonass_orbits() {
 }
 
 #[test]
+fn ephemeris_selection() {
+    if surefix_tests::shared("data").is_some() {
+        passes("05_ephemeris_selection.json");
+    }
+}
+
+#[test]
 fn atmosphere() {
     passes("07_klobuchar_saastamoinen_niell.json");
 }

@@ -1,7 +1,7 @@
 //! Files of cases: `{"cases": [{"id", "model", "in": {…}, "out": {name: {"expected", "tol"}}}, …]}`.
 
 use super::inputs::{CaseError, Inputs};
-use super::{Report, Source, atmosphere, combinations, coordinates, orbits, time};
+use super::{Report, Source, atmosphere, combinations, coordinates, orbits, selection, time};
 use serde_json::Value;
 
 /// The outputs of a model by name.
@@ -22,6 +22,7 @@ const MODELS: &[(&str, Model)] = &[
     ("azel", coordinates::sight),
     ("kepler", orbits::kepler),
     ("glonass", orbits::glonass),
+    ("selection", selection::selection),
     ("klobuchar", atmosphere::klobuchar),
     ("saast", atmosphere::saastamoinen),
     ("niell", atmosphere::niell),

@@ -15,6 +15,12 @@ pub enum CaseError {
         /// What it should be.
         wanted: &'static str,
     },
+    /// A file of observations or navigation data is not at hand.
+    #[error("the data file \"{file}\" is not at hand; give the directory that has it with --data")]
+    Absent {
+        /// Its name.
+        file: String,
+    },
     /// An input cannot be what it says it is.
     #[error("{0}")]
     Absurd(String),

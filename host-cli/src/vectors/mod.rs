@@ -14,13 +14,16 @@ pub mod atmosphere;
 pub mod case;
 pub mod combinations;
 pub mod coordinates;
+pub mod data;
 pub mod inputs;
 pub mod integer;
 pub mod kalman;
 pub mod orbits;
 pub mod report;
+pub mod selection;
 pub mod time;
 
+pub use data::DataFiles;
 pub use report::Report;
 
 /// A kind of vector file.
@@ -45,8 +48,8 @@ const FORMATS: &[Format] = &[
 pub struct Source {
     /// Its whole content.
     pub root: Value,
-    /// Where observation and navigation files are that some cases refer to by name.
-    pub data: Option<PathBuf>,
+    /// Observation and navigation files that some cases refer to by name.
+    pub data: DataFiles,
 }
 
 /// Why a vector file cannot be run at all.
@@ -76,7 +79,7 @@ pub fn run_file(path: &Path, data: Option<&Path>) -> Result<Report, VectorError>
     let bytes = std::fs::read(path).map_err(unreadable)?;
     let root =
         serde_json::from_slice(&bytes).map_err(|source| VectorError::NotJson { path: path.to_owned(), source })?;
-    let source = Source { root, data: data.map(Path::to_owned) };
+    let source = Source { root, data: DataFiles::new(data) };
     let mut report = Report::default();
     match FORMATS.iter().find(|format| (format.recognises)(&source.root)) {
         Some(format) => (format.run)(&source, &mut report),

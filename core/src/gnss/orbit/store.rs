@@ -29,13 +29,13 @@ pub enum GalileoMessage {
 
 /// Which ephemerides may be used how far from their reference time.
 ///
-/// Both limits are by [`Constellation::index`]: an ephemeris is usable at t if −`future` < t − toe ≤ `past`.
+/// Both limits are by [`Constellation::index`]: an ephemeris is usable at t if −`future` ≤ t − toe ≤ `past`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct SelectionRule {
-    /// Greatest age t − toe, inclusive `[s]`.
+    /// Greatest age t − toe `[s]`.
     pub past: [f64; 5],
-    /// Greatest lead toe − t, exclusive `[s]`.
+    /// Greatest lead toe − t `[s]`.
     pub future: [f64; 5],
     /// Galileo message.
     pub galileo: GalileoMessage,
@@ -52,10 +52,10 @@ impl SelectionRule {
         galileo: GalileoMessage::Inav,
     };
 
-    /// What RTKLIB demo5 2.5.1 does, for comparisons with it.
+    /// What RTKLIB demo5 2.5.1 does, for comparisons with it: toe of Galileo must be before t, be it by a nanosecond.
     pub const RTKLIB: Self = Self {
         past: [7_201.0, 14_400.0, 21_601.0, 7_201.0, 1_800.0],
-        future: [7_201.0, 0.0, 21_601.0, 7_201.0, 1_800.0],
+        future: [7_201.0, -1e-9, 21_601.0, 7_201.0, 1_800.0],
         galileo: GalileoMessage::Inav,
     };
 
@@ -63,7 +63,7 @@ impl SelectionRule {
     fn allows(&self, ephemeris: &Ephemeris, time: GpsTime) -> bool {
         let constellation = ephemeris.satellite().constellation().index();
         let age = time.since(ephemeris.toe());
-        age <= self.past[constellation] && -age < self.future[constellation]
+        age <= self.past[constellation] && -age <= self.future[constellation]
     }
 
     /// The messages to look for, in order.
@@ -315,6 +315,7 @@ mod tests {
         store.insert(of("C19", NavigationMessage::D1D2, 0));
         for (satellite, tow, safe, rtklib) in [
             ("E01", 3_599.0, Some(1.0), None),
+            ("E01", 3_600.0, Some(1.0), None),
             ("E01", 3_601.0, Some(1.0), Some(1.0)),
             ("C19", 7_200.0, Some(0.0), Some(0.0)),
             ("C19", 21_600.0, None, Some(0.0)),
@@ -361,7 +362,7 @@ mod tests {
                 .iter()
                 .filter(|&&(n, _)| n == number)
                 .map(|&(_, hour)| f64::from(hour))
-                .filter(|hour| (tow - hour * 3_600.0).abs() < 7_200.0)
+                .filter(|hour| (tow - hour * 3_600.0).abs() <= 7_200.0)
                 .min_by(|a, b| (tow - a * 3_600.0).abs().total_cmp(&(tow - b * 3_600.0).abs()));
             prop_assert_eq!(hour_selected(&store, &name(number), tow, SelectionRule::SAFE), plain);
             prop_assert!(store.iter().map(key).is_sorted());
