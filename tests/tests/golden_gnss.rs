@@ -43,6 +43,13 @@ fn atmosphere() {
 }
 
 #[test]
+fn single_points() {
+    if surefix_tests::shared("data").is_some() {
+        passes("13_single_point.json");
+    }
+}
+
+#[test]
 fn combinations() {
     passes("12_combinations.json");
 }

@@ -9,7 +9,8 @@ use std::path::{Path, PathBuf};
 ///
 /// Recomputes every case of the files, and prints for each quantity the number of cases, the tolerance that the file
 /// states, the worst deviation and the case it occurs in. Exit code 1 if a deviation exceeds its tolerance, a model is not
-/// known to this version or a case cannot be recomputed; 3 if a file cannot be read.
+/// known to this version or a case cannot be recomputed; 3 if a file cannot be read. Cases that need a data file which is
+/// not at hand are listed as not checked and do not fail.
 #[derive(clap::Args, Debug)]
 pub struct Args {
     /// Vector files (JSON).

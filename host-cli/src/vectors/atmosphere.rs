@@ -17,7 +17,7 @@ pub fn klobuchar(_: &Context, inputs: Inputs) -> Result<Outputs, CaseError> {
     let [latitude, longitude, height] = inputs.numbers("lat_lon_h")?;
     let look = LookAngle { azimuth: inputs.number("az")?, elevation: inputs.number("el")? };
     let delay = model.delay_l1(&Geodetic { latitude, longitude, height }, look, inputs.number("tow")?);
-    Ok(vec![("delay_L1", json!(delay))])
+    Ok(Outputs::from([("delay_L1", json!(delay))]))
 }
 
 /// Standard atmosphere, Saastamoinen's zenith delays and the flat mapping.
@@ -26,18 +26,18 @@ pub fn saastamoinen(_: &Context, inputs: Inputs) -> Result<Outputs, CaseError> {
     let weather = StandardAtmosphere::at_height(receiver.height, inputs.number("humidity")?);
     let zenith = weather.zenith_delay(&receiver);
     let slant = |zenith| json!(Mapping::Cosecant.slant(zenith, 1.0, &receiver, elevation));
-    Ok(vec![
+    Ok(Outputs::from([
         ("pressure_hPa", json!(weather.pressure)),
         ("temperature_K", json!(weather.temperature)),
         ("vapour_pressure_hPa", json!(weather.vapour_pressure)),
         ("slant_hydrostatic", slant(ZenithDelay { wet: 0.0, ..zenith })),
         ("slant_total", slant(zenith)),
-    ])
+    ]))
 }
 
 /// Niell's mapping functions.
 pub fn niell(_: &Context, inputs: Inputs) -> Result<Outputs, CaseError> {
     let (receiver, elevation) = (place(inputs)?, inputs.number("el")?);
     let hydrostatic = mapping::hydrostatic(inputs.number("doy")?, &receiver, elevation);
-    Ok(vec![("hydrostatic", json!(hydrostatic)), ("wet", json!(mapping::wet(receiver.latitude, elevation)))])
+    Ok(Outputs::from([("hydrostatic", json!(hydrostatic)), ("wet", json!(mapping::wet(receiver.latitude, elevation)))]))
 }

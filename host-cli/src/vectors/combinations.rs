@@ -15,7 +15,7 @@ pub fn coefficients(_: &Context, inputs: Inputs) -> Result<Outputs, CaseError> {
     let pair = pair(inputs)?;
     let [alpha, beta] = pair.ionosphere_free_coefficients();
     let [lambda1, lambda2] = pair.wavelengths();
-    Ok(vec![
+    Ok(Outputs::from([
         ("if_alpha", json!(alpha)),
         ("if_beta", json!(beta)),
         ("wavelength_1", json!(lambda1)),
@@ -24,7 +24,7 @@ pub fn coefficients(_: &Context, inputs: Inputs) -> Result<Outputs, CaseError> {
         ("narrowlane_wavelength", json!(pair.narrow_lane_wavelength())),
         ("if_noise_factor", json!(pair.ionosphere_free_noise())),
         ("mu_iono_ratio_f1sq_f2sq", json!(pair.ionosphere_ratio())),
-    ])
+    ]))
 }
 
 /// Combinations of one epoch.
@@ -32,14 +32,14 @@ pub fn combinations(_: &Context, inputs: Inputs) -> Result<Outputs, CaseError> {
     let pair = pair(inputs)?;
     let codes = [inputs.number("P1")?, inputs.number("P2")?];
     let cycles = [inputs.number("L1_cycles")?, inputs.number("L2_cycles")?];
-    Ok(vec![
+    Ok(Outputs::from([
         ("iono_free_code", json!(pair.ionosphere_free(codes))),
         ("iono_free_phase_m", json!(pair.ionosphere_free(pair.metres(cycles)))),
         ("melbourne_wubbena_m", json!(pair.melbourne_wubbena(cycles, codes))),
         ("melbourne_wubbena_cycles", json!(pair.melbourne_wubbena_cycles(cycles, codes))),
         ("geometry_free_phase_m", json!(pair.geometry_free(cycles))),
         ("geometry_free_code_m", json!(pair.geometry_free_code(codes))),
-    ])
+    ]))
 }
 
 /// A step of the Melbourne–Wübbena combination that tells a slip `[cycles]`.
@@ -71,7 +71,7 @@ pub fn slip(context: &Context, inputs: Inputs) -> Result<Outputs, CaseError> {
     let step = mean(after) - mean_before;
     let at = |back: usize| geometry_free[from - back];
     let third_difference = at(0) - 3.0 * at(1) + 3.0 * at(2) - at(3);
-    Ok(vec![
+    Ok(Outputs::from([
         ("gf_third_difference_at_slip_m", json!(third_difference)),
         ("gf_step_expected_m", json!(pair.geometry_free(slip))),
         ("mw_mean_before_cycles", json!(mean_before)),
@@ -79,7 +79,7 @@ pub fn slip(context: &Context, inputs: Inputs) -> Result<Outputs, CaseError> {
         ("mw_step_estimate_cycles", json!(step)),
         ("mw_step_expected_cycles", json!(step.round())),
         ("slip_present", json!(step.abs() > WIDE_LANE_STEP || third_difference.abs() > GEOMETRY_FREE_STEP)),
-    ])
+    ]))
 }
 
 fn mean(values: &[f64]) -> f64 {

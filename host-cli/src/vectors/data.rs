@@ -1,11 +1,13 @@
 //! Observation and navigation files that cases refer to by name.
 
 use super::inputs::CaseError;
-use crate::read::rinex::NavigationData;
+use crate::read::ReadError;
+use crate::read::rinex::{NavigationData, ObservationEpoch, ObservationReader};
 use std::cell::RefCell;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
+use surefix_core::gnss::time::GpsTime;
 
 /// A directory with data files, each read once.
 #[derive(Default)]
@@ -25,27 +27,49 @@ impl DataFiles {
         if let Some(data) = self.navigation.borrow().get(name) {
             return Ok(Rc::clone(data));
         }
-        let absent = || CaseError::Absent { file: name.to_owned() };
-        let path = self.directory.as_deref().and_then(|directory| find(directory, name)).ok_or_else(absent)?;
+        let path = self.path(name)?;
         let data = NavigationData::open(&path).map_err(|error| CaseError::Absurd(error.to_string()))?;
         let data = Rc::new(data);
         self.navigation.borrow_mut().insert(name.to_owned(), Rc::clone(&data));
         Ok(data)
     }
+
+    /// The epoch of an observation file at `time`. Names are as [`find`] takes them.
+    pub fn epoch(&self, name: &str, time: GpsTime) -> Result<ObservationEpoch, CaseError> {
+        let unusable = |error: ReadError| CaseError::Absurd(error.to_string());
+        let mut reader = ObservationReader::open(&self.path(name)?).map_err(unusable)?;
+        while let Some(epoch) = reader.next_epoch().map_err(unusable)? {
+            if epoch.time.since(time).abs() < SAME_EPOCH {
+                return Ok(epoch);
+            }
+        }
+        Err(CaseError::Absent { file: format!("{name}, epoch {time}") })
+    }
+
+    fn path(&self, name: &str) -> Result<PathBuf, CaseError> {
+        let absent = || CaseError::Absent { file: name.to_owned() };
+        self.directory.as_deref().and_then(|directory| find(directory, name)).ok_or_else(absent)
+    }
 }
 
-/// A file below `directory`, plain or gzipped: either of this very name, or, for a name of two words, the only file with
-/// the second word's extension in the directory named by the first.
+/// Epochs of a case, which are full seconds, and of its file differ by less `[s]`.
+const SAME_EPOCH: f64 = 0.05;
+
+/// A file below `directory`, plain or gzipped: one of this very name, or, for a name `DIR FILE`, that file in a directory
+/// of that name, or else the only one there with its extension or the rover's.
 fn find(directory: &Path, name: &str) -> Option<PathBuf> {
-    let is_named = |path: &PathBuf| plain_name(path).is_some_and(|plain| plain == name);
-    if let Some(path) = files_below(directory).into_iter().find(is_named) {
+    let is_named = |path: &Path, wanted: &str| plain_name(path).is_some_and(|plain| plain == wanted);
+    if let Some(path) = files_below(directory).into_iter().find(|path| is_named(path, name)) {
         return Some(path);
     }
     let (place, file) = name.split_once(' ')?;
-    let extension = Path::new(file).extension()?;
-    let is_of_kind = |path: &PathBuf| plain_name(path).is_some_and(|n| Path::new(&n).extension() == Some(extension));
-    let mut candidates = files_below(&directory.join(place)).into_iter().filter(is_of_kind);
-    candidates.next().filter(|_| candidates.next().is_none())
+    let extension = Path::new(file).extension()?.to_str()?;
+    let ends_so = |path: &PathBuf| plain_name(path).is_some_and(|plain| plain.ends_with(&format!(".{extension}")));
+    let files: Vec<PathBuf> = files_below(&directory.join(place)).into_iter().filter(ends_so).collect();
+    let of_rover = format!("rover.{extension}");
+    let named = |wanted: &str| files.iter().find(|path| is_named(path, wanted));
+    let only = || files.first().filter(|_| files.len() == 1);
+    named(file).or_else(only).or_else(|| named(&of_rover)).cloned()
 }
 
 /// The name of a file without directory and `.gz`.

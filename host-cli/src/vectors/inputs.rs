@@ -15,10 +15,10 @@ pub enum CaseError {
         /// What it should be.
         wanted: &'static str,
     },
-    /// A file of observations or navigation data is not at hand.
-    #[error("the data file \"{file}\" is not at hand; give the directory that has it with --data")]
+    /// A file of observations or navigation data, or an epoch of it, is not at hand.
+    #[error("not at hand: {file}; give the directory that has it with --data")]
     Absent {
-        /// Its name.
+        /// Its name, and which epoch.
         file: String,
     },
     /// An input cannot be what it says it is.
@@ -99,6 +99,12 @@ impl<'a> Inputs<'a> {
     /// A nested object.
     pub fn object(&self, key: &str) -> Result<Inputs<'a>, CaseError> {
         self.get(key, "an object", |v| v.is_object().then_some(Inputs(v)))
+    }
+
+    /// A list of nested objects.
+    pub fn objects(&self, key: &str) -> Result<Vec<Inputs<'a>>, CaseError> {
+        let objects = |v: &'a Value| v.as_array().map(|items| items.iter().map(Inputs).collect());
+        self.get(key, "a list", objects)
     }
 
     /// What [`str::parse`] makes of a string.

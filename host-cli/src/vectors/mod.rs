@@ -21,6 +21,7 @@ pub mod kalman;
 pub mod orbits;
 pub mod report;
 pub mod selection;
+pub mod single_point;
 pub mod time;
 
 pub use data::DataFiles;
@@ -79,11 +80,68 @@ pub fn run_file(path: &Path, data: Option<&Path>) -> Result<Report, VectorError>
     let bytes = std::fs::read(path).map_err(unreadable)?;
     let root =
         serde_json::from_slice(&bytes).map_err(|source| VectorError::NotJson { path: path.to_owned(), source })?;
-    let source = Source { root, data: DataFiles::new(data) };
+    Ok(run(&Source { root, data: DataFiles::new(data) }))
+}
+
+/// Runs a vector file that was read.
+pub fn run(source: &Source) -> Report {
     let mut report = Report::default();
     match FORMATS.iter().find(|format| (format.recognises)(&source.root)) {
-        Some(format) => (format.run)(&source, &mut report),
+        Some(format) => (format.run)(source, &mut report),
         None => report.unknown("file of this shape"),
     }
-    Ok(report)
+    report
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    fn run_json(root: Value) -> Report {
+        run(&Source { root, data: DataFiles::default() })
+    }
+
+    /// GPS week 1 begins a week after 1980-01-06 (IS-GPS-200N 3.3.4).
+    fn week_case(expected: i32) -> Value {
+        let inputs = json!({"calendar_gpst": [1980, 1, 13, 0, 0, 0.0]});
+        json!({"id": "a", "model": "cal2gps", "in": inputs, "out": {"week": {"expected": expected, "tol": 0}}})
+    }
+
+    #[test]
+    fn a_case_is_dispatched_by_its_model_and_judged() {
+        assert!(run_json(json!({"cases": [week_case(1)]})).passed());
+        assert!(!run_json(json!({"cases": [week_case(2)]})).passed());
+    }
+
+    #[test]
+    fn what_is_missing_is_named() {
+        let without_input = json!({"id": "b", "model": "cal2gps", "in": {}, "out": {}});
+        let other_output =
+            json!({"id": "c", "model": "cal2gps", "in": week_case(1)["in"], "out": {"moon": {"tol": 1}}});
+        let without_data = json!({"id": "d", "in": {"sat": "G01", "file": "x.nav"}, "out": {"selected_toe_week_toe_tow_iode_health": {}}});
+        let without_model = json!({"id": "e", "in": {}, "out": {"tide": {}}});
+        let report =
+            run_json(json!({"cases": [week_case(1), without_input, other_output, without_data, without_model]}));
+        let text = report.to_string();
+        for part in [
+            "b: input \"calendar_gpst\" is not",
+            "unknown model: cal2gps.moon",
+            "not checked: selection of 1 cases: not at hand: x.nav",
+            "unknown model: without name, of tide",
+        ] {
+            assert!(text.contains(part), "{part} not in\n{text}");
+        }
+        assert!(!report.passed());
+    }
+
+    #[test]
+    fn files_that_are_no_vectors_are_refused_by_name() {
+        let error = run_file(Path::new("absent.json"), None).unwrap_err();
+        assert!(matches!(error, VectorError::Unreadable { .. }) && error.to_string().contains("absent.json"));
+        let manifest = Path::new(env!("CARGO_MANIFEST_DIR")).join("Cargo.toml");
+        let error = run_file(&manifest, None).unwrap_err();
+        assert!(matches!(error, VectorError::NotJson { .. }) && error.to_string().contains("Cargo.toml"));
+        assert!(run_json(json!({"doc": "nothing known"})).to_string().contains("file of this shape"));
+    }
 }

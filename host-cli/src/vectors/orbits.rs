@@ -12,7 +12,7 @@ pub fn kepler(context: &Context, inputs: Inputs) -> Result<Outputs, CaseError> {
     let ephemeris = kepler_ephemeris(all.object(inputs.text("eph")?)?)?;
     let time = inputs.time()?;
     let mut outputs = states(Ephemeris::Kepler(ephemeris), time);
-    outputs.push(("tk_s", json!(time.since(ephemeris.toe))));
+    outputs.add("tk_s", json!(time.since(ephemeris.toe)));
     Ok(outputs)
 }
 
@@ -37,14 +37,14 @@ pub fn glonass(_: &Context, inputs: Inputs) -> Result<Outputs, CaseError> {
 
 fn states(ephemeris: Ephemeris, time: GpsTime) -> Outputs {
     let Ok(state) = ephemeris.state(time) else {
-        return ["position", "velocity", "clock", "relativistic"].map(|name| (name, Value::Null)).to_vec();
+        return Outputs::from(["position", "velocity", "clock", "relativistic"].map(|name| (name, Value::Null)));
     };
-    vec![
+    Outputs::from([
         ("position", json!(state.position.as_slice())),
         ("velocity", json!(state.velocity.as_slice())),
         ("clock", json!(state.clock)),
         ("relativistic", json!(state.relativity)),
-    ]
+    ])
 }
 
 /// What orbit and clock depend on; message, health and group delays are left out.

@@ -49,6 +49,7 @@ pub struct Report {
     checks: BTreeMap<String, Check>,
     unknown: BTreeMap<String, usize>,
     unreadable: Vec<String>,
+    skipped: BTreeMap<String, Vec<String>>,
 }
 
 impl Report {
@@ -77,6 +78,11 @@ impl Report {
     /// Notes a case that could not be recomputed, and why.
     pub fn unreadable(&mut self, case: &str, why: impl fmt::Display) {
         self.unreadable.push(format!("{case}: {why}"));
+    }
+
+    /// Notes a check that could not be made for lack of a data file. This alone does not fail the file.
+    pub fn skipped(&mut self, check: &str, why: impl fmt::Display) {
+        self.skipped.entry(check.to_owned()).or_default().push(why.to_string());
     }
 
     /// The checks by name.
@@ -126,6 +132,9 @@ impl fmt::Display for Report {
                 failed => writeln!(f, " ({failed} of {} failed)", check.cases)?,
             }
         }
+        for (check, reasons) in &self.skipped {
+            writeln!(f, "  not checked: {check} of {} cases: {}", reasons.len(), reasons[0])?;
+        }
         for (model, cases) in &self.unknown {
             writeln!(f, "  unknown model: {model} ({cases} cases) FAIL")?;
         }
@@ -170,6 +179,8 @@ mod tests {
         assert!(!report.passed());
         report.compare("check", "case", &json!(1), &json!(1), Some(0.0));
         assert!(report.passed());
+        report.skipped("other check", "no data");
+        assert!(report.passed() && report.to_string().contains("not checked: other check of 1 cases: no data"));
         report.unknown("crystal ball");
         assert!(!report.passed() && report.to_string().contains("unknown model: crystal ball (1 cases)"));
     }

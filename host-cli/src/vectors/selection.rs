@@ -25,5 +25,5 @@ pub fn selection(context: &Context, inputs: Inputs) -> Result<Outputs, CaseError
         };
         json!([ephemeris.toe().week(), ephemeris.toe().tow(), iode, ephemeris.health()])
     });
-    Ok(vec![("selected_toe_week_toe_tow_iode_health", selected)])
+    Ok(Outputs::from([("selected_toe_week_toe_tow_iode_health", selected)]))
 }

@@ -19,33 +19,36 @@ fn calendar([year, month, day, hour, minute, second]: [f64; 6]) -> Calendar {
 pub fn calendar_to_gps(_: &Context, inputs: Inputs) -> Result<Outputs, CaseError> {
     let time = from_calendar(calendar(inputs.numbers("calendar_gpst")?))?;
     let (bdt_week, bdt_tow) = time.bdt();
-    Ok(vec![
+    Ok(Outputs::from([
         ("week", json!(time.week())),
         ("tow", json!(time.tow())),
         ("doy", json!(time.day_of_year())),
         ("gst_week", json!(time.gst().0)),
         ("bdt_week", json!(bdt_week)),
         ("bdt_tow", json!(bdt_tow)),
-    ])
+    ]))
 }
 
 /// GPS time → UTC, leap seconds labelled 23:59:60.
 pub fn gps_to_utc(_: &Context, inputs: Inputs) -> Result<Outputs, CaseError> {
     let time = inputs.time()?;
     let Calendar { year, month, day, hour, minute, second } = time.utc();
-    Ok(vec![("utc", json!([year, month, day, hour, minute, second])), ("gpst_minus_utc", json!(time.gpst_minus_utc()))])
+    Ok(Outputs::from([
+        ("utc", json!([year, month, day, hour, minute, second])),
+        ("gpst_minus_utc", json!(time.gpst_minus_utc())),
+    ]))
 }
 
 /// GPS time → GLONASS day and second of day.
 pub fn glonass_time(_: &Context, inputs: Inputs) -> Result<Outputs, CaseError> {
     let glonass = inputs.time()?.glonass();
     let (year, month, day) = glonass.date();
-    Ok(vec![
+    Ok(Outputs::from([
         ("moscow_date", json!([year, month, day])),
         ("seconds_of_moscow_day", json!(glonass.seconds)),
         ("N4", json!(glonass.n4)),
         ("NT", json!(glonass.nt)),
-    ])
+    ]))
 }
 
 /// The epoch of a RINEX observation record, with a year of two or four digits.
@@ -58,5 +61,5 @@ pub fn rinex_epoch(_: &Context, inputs: Inputs) -> Result<Outputs, CaseError> {
         calendar.year = year_from_two_digits(calendar.year as u8);
     }
     let time = from_calendar(calendar)?;
-    Ok(vec![("week", json!(time.week())), ("tow", json!(time.tow()))])
+    Ok(Outputs::from([("week", json!(time.week())), ("tow", json!(time.tow()))]))
 }
