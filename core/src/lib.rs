@@ -11,6 +11,7 @@
 //! | [`real`], [`linalg`] | the scalar trait over `f32`/`f64`; in-place kernels on slices |
 //! | [`stats`] | normal and χ² distributions |
 //! | [`gnss`] | time, satellites, signals, epochs, orbits, atmosphere, geodesy, [`gnss::solution::Solution`] |
+//! | [`log`] | the device log: framed, checksummed records (feature `log`) |
 //! | [`integer`] | decorrelation, bootstrapping, integer least squares, success rates, acceptance |
 //! | [`spp`] | single-point position and velocity with fault exclusion |
 //!
@@ -26,6 +27,8 @@ pub mod filter;
 pub mod gnss;
 pub mod integer;
 pub mod linalg;
+#[cfg(feature = "log")]
+pub mod log;
 pub mod model;
 pub mod real;
 pub mod spp;

@@ -5,4 +5,8 @@
 
 pub mod calendar;
 pub mod cli;
+pub mod vectors;
 pub mod read;
+pub mod compare;
+mod frame;
+pub mod write;

@@ -1,3 +1,60 @@
-//! `cargo xtask`: the project's task runner.
+//! `cargo xtask`: the project's task runner. See `cargo xtask --help`.
+//!
+//! | module | holds |
+//! |---|---|
+//! | [`command`] | running other programs |
+//! | [`toolchain`] | finding and installing what builds and runs Cortex-M programs |
+//! | [`machine`] | the simulated machines |
+//! | [`firmware`] | building `firmware-sim` and checking what its programs say |
+//! | [`qemu`] | one run of a program in QEMU: bytes in, bytes and messages out |
+//! | [`test`] | every check there is |
 
-fn main() {}
+mod command;
+mod firmware;
+mod machine;
+mod qemu;
+mod test;
+mod toolchain;
+
+use clap::{Parser, Subcommand};
+use machine::Machine;
+use std::path::Path;
+
+/// The project's task runner.
+#[derive(Parser)]
+#[command(name = "cargo xtask", bin_name = "cargo xtask")]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Install what the Cortex-M builds and QEMU runs need, where it is missing
+    Setup,
+    /// Run every check: formatting, lints, host tests, doc tests, Cortex-M builds, firmware in QEMU
+    Test,
+    /// Build the firmware and run its programs in QEMU
+    Firmware {
+        /// Only on this machine
+        #[arg(long)]
+        machine: Option<Machine>,
+    },
+}
+
+fn main() -> anyhow::Result<()> {
+    match Cli::parse().command {
+        Command::Setup => toolchain::CortexM::find_or_install().map(|found| println!("ready: {found}")),
+        Command::Test => test::run_all(),
+        Command::Firmware { machine } => {
+            let toolchain = toolchain::CortexM::find_or_install()?;
+            Machine::selected(machine).try_for_each(|machine| firmware::test(&toolchain, machine))
+        }
+    }
+}
+
+/// Top directory of the repository.
+fn repository() -> &'static Path {
+    let manifest = Path::new(env!("CARGO_MANIFEST_DIR"));
+    manifest.parent().unwrap_or(manifest)
+}

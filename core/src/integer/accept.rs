@@ -5,16 +5,16 @@
 //!
 //! * ratio test: ‖ǎ₂‖² / ‖ǎ₁‖² ≥ R. H.-J. Euler & B. Schaffrin (1991); R between 1.5 and 3 in use, 3 is RTKLIB's
 //!   default. A fixed R has no fixed failure rate: strong models reject too much with it, weak ones too little
-//!   (S. Verhagen & P. J. G. Teunissen, GPS Solutions 17 (2013)), which is why the success rate is tested too.
+//!   which is why the success rate is tested too; [`super::failure_rate`] computes R for a tolerated failure rate.
 //! * difference test: ‖ǎ₂‖² − ‖ǎ₁‖² ≥ δ. C. C. J. M. Tiberius & P. de Jonge (1995) use δ of about 10…15.
 
 use super::resolve::{Method, Resolution};
 use super::success_rate::Probability;
 use crate::real::Real;
 
-/// Whether ‖ǎ₂‖² ≥ R ‖ǎ₁‖². Never for norms that are not numbers.
+/// Whether ‖ǎ₂‖² ≥ R ‖ǎ₁‖². Never for norms that are not numbers or are equal.
 pub fn ratio_test<T: Real>(best_norm: T, second_norm: T, threshold: T) -> bool {
-    second_norm >= threshold * best_norm
+    second_norm > best_norm && second_norm >= threshold * best_norm
 }
 
 /// Whether ‖ǎ₂‖² − ‖ǎ₁‖² ≥ δ. Never for norms that are not numbers.
@@ -76,5 +76,30 @@ impl<T: Real> Resolution<'_, T> {
     /// Whether these integers may be used as if known.
     pub fn decide(&self, thresholds: &Thresholds) -> Decision {
         thresholds.decide(self.success_rate, self.method, self.best_norm, self.second_norm)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn model(success: f64) -> Probability {
+        Probability { success, failure: 1.0 - success }
+    }
+
+    #[test]
+    fn the_first_test_that_fails_decides() {
+        let thresholds = Thresholds { difference: 10.0, ..Thresholds::default() };
+        let decide = |success, method, best: f64, second| thresholds.decide(model(success), method, best, second);
+        let (ils, bootstrapped) = (Method::LeastSquares, Method::Bootstrapped);
+        assert_eq!(decide(0.9995, ils, 5.0, 20.0), Decision::Accepted);
+        assert_eq!(decide(0.5, bootstrapped, 5.0, 20.0), Decision::LowSuccessRate);
+        assert_eq!(decide(f64::NAN, ils, 5.0, 20.0), Decision::LowSuccessRate);
+        assert_eq!(decide(0.9995, bootstrapped, 5.0, 20.0), Decision::SearchExhausted);
+        assert_eq!(decide(0.9995, ils, 10.0, 29.9), Decision::LowRatio);
+        assert_eq!(decide(0.9995, ils, 1.0, 10.9), Decision::LowDifference);
+        assert_eq!(decide(0.9995, ils, f64::NAN, 20.0), Decision::LowRatio);
+        assert_eq!(decide(0.9995, ils, 0.0, 0.0), Decision::LowRatio);
+        assert_eq!(decide(0.9995, ils, 0.0, 12.0), Decision::Accepted);
     }
 }

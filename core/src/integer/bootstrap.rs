@@ -30,6 +30,9 @@ pub fn bootstrap<T: Real>(
     if [factor.rows(), factor.cols(), variances.len(), fixed.len(), residual.len()] != [n; 5] {
         return Err(IntegerError::Shape);
     }
+    if !variances.iter().all(|&d| d > T::ZERO) {
+        return Err(IntegerError::NotFinite);
+    }
     let mut norm = T::ZERO;
     for i in (0..n).rev() {
         let conditional = a[i] - dot(&factor.row(i)[i + 1..], &residual[i + 1..]);
@@ -74,4 +77,69 @@ pub fn bootstrap_ordered<T: Real>(
         residual[i] = conditional - integer;
     }
     Ok(success_rate::bootstrapped(variances))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::linalg::spd;
+    use proptest::prelude::*;
+
+    /// U = [[1, ½], [0, 1]]: 0.6 rounds to 1 and moves the other by ½·0.4.
+    #[test]
+    fn by_hand() {
+        let u = [1.0, 0.5, 0.0, 1.0];
+        let (mut fixed, mut residual) = ([0; 2], [0.0; 2]);
+        let u = Mat::square(&u, 2).unwrap();
+        let norm = bootstrap(&[0.35, 0.6], u, &[0.5, 0.25], &mut fixed, &mut residual).unwrap();
+        assert_eq!(fixed, [1, 1]);
+        assert!((residual[0] + 0.45).abs() < 1e-15 && (residual[1] + 0.4).abs() < 1e-15);
+        assert!((norm - (0.45 * 0.45 / 0.5 + 0.16 / 0.25)).abs() < 1e-14);
+    }
+
+    #[test]
+    fn bad_arguments_are_refused() {
+        let u = [1.0];
+        let u = Mat::square(&u, 1).unwrap();
+        let (mut fixed, mut residual) = ([0], [0.0]);
+        let mut try_one = |a: &[f64], d: &[f64]| bootstrap(a, u, d, &mut fixed, &mut residual).unwrap_err();
+        assert_eq!(try_one(&[0.0, 0.0], &[1.0]), IntegerError::Shape);
+        assert_eq!(try_one(&[0.0], &[0.0]), IntegerError::NotFinite);
+        assert_eq!(try_one(&[0.0], &[f64::NAN]), IntegerError::NotFinite);
+        assert_eq!(try_one(&[f64::NAN], &[1.0]), IntegerError::Overflow);
+        assert_eq!(try_one(&[1e300], &[1.0]), IntegerError::Overflow);
+    }
+
+    proptest! {
+        /// Bootstrapping last first on Q = Lᵀ D L is bootstrapping in the order n…1.
+        #[test]
+        fn the_two_forms_agree((n, q) in spd::matrix(1..7usize), a in proptest::collection::vec(-9.0..9.0f64, 7)) {
+            let a = &a[..n];
+            let (mut u, mut d) = (q.clone(), vec![0.0; n]);
+            let mut view = MatMut::square(&mut u, n).unwrap();
+            ldl::factor_ltdl(&mut view, &mut d).unwrap();
+            view.transpose();
+            let (mut fixed, mut residual) = (vec![0; n], vec![0.0; n]);
+            bootstrap(a, Mat::square(&u, n).unwrap(), &d, &mut fixed, &mut residual).unwrap();
+
+            let order: Vec<usize> = (0..n).rev().collect();
+            let (mut work, mut variances) = (vec![0.0; n * n], vec![0.0; n]);
+            let (mut ordered, mut ordered_residual) = (vec![0; n], vec![0.0; n]);
+            bootstrap_ordered(
+                a,
+                Mat::square(&q, n).unwrap(),
+                &order,
+                &mut MatMut::square(&mut work, n).unwrap(),
+                &mut variances,
+                &mut ordered_residual,
+                &mut ordered,
+            )
+            .unwrap();
+            prop_assume!(residual.iter().all(|r| r.abs() < 0.4999));
+            for (k, &i) in order.iter().enumerate() {
+                prop_assert_eq!(ordered[k], fixed[i]);
+                prop_assert!((variances[k] / d[i] - 1.0).abs() < 1e-8);
+            }
+        }
+    }
 }

@@ -69,3 +69,101 @@ pub fn condition_on_integers<T: Real>(
     block::subtract_gram(conditional_covariance, cross.as_ref());
     Ok(norm)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::linalg::block::update_block;
+    use crate::linalg::spd;
+    use proptest::prelude::*;
+
+    struct Conditioned {
+        mean: Vec<f64>,
+        covariance: Vec<f64>,
+        norm: Result<f64, IntegerError>,
+    }
+
+    fn condition(mean: &[f64], p: &[f64], states: &[usize], ambiguities: &[usize], values: &[f64]) -> Conditioned {
+        let (n, s, m) = (mean.len(), states.len(), ambiguities.len());
+        let (mut factor, mut cross, mut residual) = (vec![0.0; m * m], vec![0.0; m * s], vec![0.0; m]);
+        let (mut conditional, mut covariance) = (vec![0.0; s], vec![0.0; s * s]);
+        let norm = condition_on_integers(
+            mean,
+            Mat::square(p, n).unwrap(),
+            states,
+            ambiguities,
+            values,
+            &mut MatMut::square(&mut factor, m).unwrap(),
+            &mut MatMut::new(&mut cross, m, s, s).unwrap(),
+            &mut residual,
+            &mut conditional,
+            &mut MatMut::square(&mut covariance, s).unwrap(),
+        );
+        Conditioned { mean: conditional, covariance, norm }
+    }
+
+    proptest! {
+        /// Conditioning is a measurement of the ambiguities without noise.
+        #[test]
+        fn it_is_an_update_without_noise(
+            (n, p) in spd::matrix(3..9usize),
+            mean in proptest::collection::vec(-5.0..5.0f64, 8),
+        ) {
+            let mean = &mean[..n];
+            let states: Vec<usize> = (0..n / 2).collect();
+            let ambiguities: Vec<usize> = (n / 2..n).rev().collect();
+            let m = ambiguities.len();
+            let values: Vec<f64> = ambiguities.iter().map(|&i| mean[i].round()).collect();
+            let got = condition(mean, &p, &states, &ambiguities, &values);
+
+            let mut h = vec![0.0; m * n];
+            let mut innovation = vec![0.0; m];
+            for (i, &ambiguity) in ambiguities.iter().enumerate() {
+                h[i * n + ambiguity] = 1.0;
+                innovation[i] = values[i] - mean[ambiguity];
+            }
+            let (mut updated, mut covariance) = (mean.to_vec(), p.clone());
+            let update = update_block(
+                &mut updated,
+                &mut MatMut::square(&mut covariance, n).unwrap(),
+                Mat::new(&h, m, n, n).unwrap(),
+                &mut innovation,
+                &mut MatMut::square(&mut vec![0.0; m * m], m).unwrap(),
+                &mut MatMut::new(&mut vec![0.0; m * n], m, n, n).unwrap(),
+            )
+            .unwrap();
+            prop_assert!((got.norm.unwrap() / update.normalized_innovation_squared - 1.0).abs() < 1e-9);
+            let s = states.len();
+            for i in 0..s {
+                prop_assert!((got.mean[i] - updated[i]).abs() < 1e-9 * mean[i].abs().max(updated[i].abs()).max(1.0));
+                for j in 0..s {
+                    prop_assert!((got.covariance[i * s + j] - covariance[i * n + j]).abs() < 1e-12 * p[i * (n + 1)].max(p[j * (n + 1)]));
+                    prop_assert_eq!(got.covariance[i * s + j], got.covariance[j * s + i]);
+                }
+            }
+        }
+    }
+
+    /// Correlation ½ between unit variances: x|n = ½ (ň − n̂), variance ¾.
+    #[test]
+    fn by_hand() {
+        let got = condition(&[0.0, 0.4], &[1.0, 0.5, 0.5, 1.0], &[0], &[1], &[1.0]);
+        assert!((got.mean[0] - 0.3).abs() < 1e-15);
+        assert!((got.covariance[0] - 0.75).abs() < 1e-15);
+        assert!((got.norm.unwrap() - 0.36).abs() < 1e-15);
+        let nothing = condition(&[2.0, 0.4], &[1.0, 0.5, 0.5, 1.0], &[0], &[], &[]);
+        assert_eq!((nothing.mean, nothing.covariance, nothing.norm), (vec![2.0], vec![1.0], Ok(0.0)));
+    }
+
+    #[test]
+    fn bad_arguments_are_refused() {
+        let p = [1.0, 0.5, 0.5, 1.0];
+        assert_eq!(condition(&[0.0, 0.4], &p, &[0], &[2], &[1.0]).norm, Err(IntegerError::Shape));
+        assert_eq!(condition(&[0.0, 0.4], &p, &[2], &[1], &[1.0]).norm, Err(IntegerError::Shape));
+        let twice = condition(&[0.0, 0.4], &p, &[0], &[1, 1], &[1.0, 1.0]).norm;
+        assert_eq!(twice, Err(IntegerError::NotPositiveDefinite { pivot: 1 }));
+        assert_eq!(condition(&[0.0, f64::NAN], &p, &[0], &[1], &[1.0]).norm, Err(IntegerError::NotFinite));
+        let zero = condition(&[0.0, 0.4], &[1.0, 0.0, 0.0, 0.0], &[0], &[1], &[1.0]).norm;
+        assert_eq!(zero, Err(IntegerError::NotPositiveDefinite { pivot: 0 }));
+    }
+}

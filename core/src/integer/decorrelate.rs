@@ -28,7 +28,7 @@ const MAX_ENTRY: i64 = 1 << 52;
 /// Decorrelates in place.
 ///
 /// * `q` (n × n): Q on entry, lower triangle read; U on return (zeros below the diagonal).
-/// * `d` (n): returns D [cycles²].
+/// * `d` (n): returns D `[cycles²]`.
 /// * `transform` (n × n): returns Zᵀ.
 /// * `inverse` (n × n): returns Z⁻¹.
 ///
@@ -193,4 +193,95 @@ pub fn back_transform_integers(inverse: Mat<'_, i64>, z: &[i64], a: &mut [i64]) 
         add_multiple(a, z, inverse.row(i))?;
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::integer::success_rate;
+    use crate::linalg::spd;
+    use proptest::prelude::*;
+
+    struct Reduced {
+        u: Vec<f64>,
+        d: Vec<f64>,
+        transform: Vec<i64>,
+        inverse: Vec<i64>,
+    }
+
+    fn reduced(n: usize, q: &[f64]) -> Result<Reduced, IntegerError> {
+        let mut r = Reduced { u: q.to_vec(), d: vec![0.0; n], transform: vec![0; n * n], inverse: vec![0; n * n] };
+        decorrelate(
+            &mut MatMut::square(&mut r.u, n)?,
+            &mut r.d,
+            &mut MatMut::square(&mut r.transform, n)?,
+            &mut MatMut::square(&mut r.inverse, n)?,
+        )?;
+        Ok(r)
+    }
+
+    proptest! {
+        #[test]
+        fn a_unimodular_transform_decorrelates((n, q) in spd::matrix(1..12usize)) {
+            let mut original = q.clone();
+            let mut before = vec![0.0; n];
+            ldl::factor_ltdl(&mut MatMut::square(&mut original, n).unwrap(), &mut before).unwrap();
+            let r = reduced(n, &q).unwrap();
+            for i in 0..n {
+                for j in 0..n {
+                    let one: i64 = (0..n).map(|k| r.inverse[i * n + k] * r.transform[j * n + k]).sum();
+                    prop_assert_eq!(one, i64::from(i == j));
+                }
+                prop_assert!((i + 1..n).all(|j| r.u[i * n + j].abs() <= 0.5 + 1e-9), "size reduced");
+                prop_assert!((0..i).all(|j| r.u[i * n + j] == 0.0));
+            }
+            for i in 1..n {
+                let l = r.u[(i - 1) * n + i];
+                prop_assert!(r.d[i - 1] + l * l * r.d[i] >= r.d[i] * (1.0 - 2.0 * MIN_GAIN), "no swap pays any more");
+            }
+            prop_assert!((success_rate::adop(&r.d) / success_rate::adop(&before) - 1.0).abs() < 1e-9);
+            let (rate, old) = (success_rate::bootstrapped(&r.d).success, success_rate::bootstrapped(&before).success);
+            prop_assert!(rate >= old - 1e-9);
+            // Zᵀ Q Z = U D Uᵀ
+            let z: Vec<f64> = r.transform.iter().map(|&t| t as f64).collect();
+            let zqz = spd::product(n, &spd::product(n, &z, &q), &spd::transposed(n, &z));
+            let ud: Vec<f64> = (0..n * n).map(|k| r.u[k] * r.d[k % n]).collect();
+            let udu = spd::product(n, &ud, &spd::transposed(n, &r.u));
+            let size = (0..n).map(|i| q[i * (n + 1)]).fold(0.0, f64::max);
+            for k in 0..n * n {
+                prop_assert!((zqz[k] - udu[k]).abs() < 1e-8 * size);
+            }
+        }
+
+        #[test]
+        fn there_and_back((n, q) in spd::matrix(1..12usize), a in proptest::collection::vec(-100.0..100.0f64, 12)) {
+            let r = reduced(n, &q).unwrap();
+            let (transform_view, inverse_view) =
+                (Mat::square(&r.transform, n).unwrap(), Mat::square(&r.inverse, n).unwrap());
+            let (mut z, mut back) = (vec![0.0; n], vec![0.0; n]);
+            transform(transform_view, &a[..n], &mut z).unwrap();
+            back_transform(inverse_view, &z, &mut back).unwrap();
+            let growth: i64 = r.inverse.iter().chain(&r.transform).map(|t| t.abs()).max().unwrap();
+            for i in 0..n {
+                prop_assert!((back[i] - a[i]).abs() < 1e-12 * (growth * growth) as f64);
+            }
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_decorrelated_is_refused() {
+        assert_eq!(reduced(2, &[1.0, 1.0, 1.0, 1.0]).err(), Some(IntegerError::NotPositiveDefinite { pivot: 0 }));
+        assert_eq!(reduced(2, &[1.0, 0.0, 0.0, f64::NAN]).err(), Some(IntegerError::NotPositiveDefinite { pivot: 1 }));
+        // A multiple of 1e20 does not fit an integer.
+        assert_eq!(reduced(2, &[2e40, 1e20, 1e20, 1.0]).err(), Some(IntegerError::Overflow));
+        let mut d = [0.0; 2];
+        let (mut q, mut small, mut other) = ([1.0, 0.0, 0.0, 1.0], [0; 1], [0; 4]);
+        let refused = decorrelate(
+            &mut MatMut::square(&mut q, 2).unwrap(),
+            &mut d,
+            &mut MatMut::square(&mut small, 1).unwrap(),
+            &mut MatMut::square(&mut other, 2).unwrap(),
+        );
+        assert_eq!(refused, Err(IntegerError::Shape));
+    }
 }

@@ -15,6 +15,7 @@
 //! | [`search`] | the k nearest integer vectors, bounded by a node budget |
 //! | [`success_rate`] | exact bootstrapped success rate, ADOP, bounds for rounding and integer least squares |
 //! | [`accept`] | ratio, difference and success-rate tests |
+//! | [`failure_rate`] | the ratio threshold that keeps a tolerated failure rate |
 //! | [`partial`] | fixing a subset |
 //! | [`condition`] | mean and covariance of other states given fixed ambiguities |
 //!
@@ -29,6 +30,7 @@ pub mod bootstrap;
 pub mod condition;
 pub mod decorrelate;
 mod error;
+pub mod failure_rate;
 pub mod partial;
 pub mod resolve;
 pub mod search;

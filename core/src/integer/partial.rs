@@ -20,9 +20,9 @@ use crate::real::Real;
 pub struct PartialResolution<'w, T> {
     /// The fixed combinations, rows of Z₂ᵀ (m × n).
     pub combinations: Mat<'w, i64>,
-    /// Their integers Z₂ᵀ a [cycles] (m).
+    /// Their integers Z₂ᵀ a `[cycles]` (m).
     pub values: &'w [i64],
-    /// All n ambiguities given those integers [cycles].
+    /// All n ambiguities given those integers `[cycles]`.
     pub conditional: &'w [T],
     /// Squared norm of the best candidate.
     pub best_norm: T,
@@ -32,7 +32,7 @@ pub struct PartialResolution<'w, T> {
     pub ratio: T,
     /// Bootstrapped success rate of the m combinations.
     pub success_rate: Probability,
-    /// ADOP of the m combinations [cycles].
+    /// ADOP of the m combinations `[cycles]`.
     pub adop: f64,
     /// Nodes the search visited.
     pub nodes: u32,
@@ -154,4 +154,105 @@ pub fn select<T: Real>(
         }
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::integer::resolve;
+    use crate::linalg::block::update_block;
+    use crate::linalg::spd;
+    use proptest::prelude::*;
+
+    #[test]
+    fn the_largest_trailing_set() {
+        // Success rates 0.683 (σ = ½) and 1 − 5.7e-7 (σ = 0.1).
+        assert_eq!(first_to_fix(&[0.25, 0.01, 0.01], 0.99), 1);
+        assert_eq!(first_to_fix(&[0.25, 0.01, 0.01], 0.5), 0);
+        assert_eq!(first_to_fix(&[0.01, 0.01, 0.25], 0.99), 3);
+        assert_eq!(first_to_fix(&[0.01], f64::NAN), 1);
+        assert_eq!(first_to_fix::<f64>(&[], 0.0), 0);
+    }
+
+    proptest! {
+        #[test]
+        fn all_of_it_is_the_full_resolution((n, q) in spd::matrix(1..9usize), a in proptest::collection::vec(-1e4..1e4f64, 8)) {
+            let q = Mat::square(&q, n).unwrap();
+            let (mut first, mut second) = (Workspace::<f64, 8>::new(), Workspace::<f64, 8>::new());
+            let full = resolve(&a[..n], q, &Config::default(), &mut first).unwrap();
+            let partial = resolve_partial(&a[..n], q, 0.0, &Config::default(), &mut second).unwrap();
+            prop_assert_eq!(partial.values.len(), n);
+            for i in 0..n {
+                let value: i64 = partial.combinations.row(i).iter().zip(full.best).map(|(t, z)| t * z).sum();
+                prop_assert_eq!(value, partial.values[i]);
+                prop_assert!((partial.conditional[i] - full.best[i] as f64).abs() < 1e-6);
+            }
+            prop_assert_eq!(partial.ratio, full.ratio);
+            prop_assert_eq!(partial.success_rate, full.success_rate);
+        }
+
+        /// The conditional ambiguities are those of a noise-free measurement of the fixed combinations.
+        #[test]
+        fn the_rest_follows((n, q) in spd::matrix(2..9usize), a in proptest::collection::vec(-30.0..30.0f64, 8), p0 in 0.3..0.999f64) {
+            let a = &a[..n];
+            let largest = (0..n).map(|i| q[i * (n + 1)]).fold(0.0, f64::max);
+            let q: Vec<f64> = q.iter().map(|q| q / largest).collect();
+            let mut workspace = Workspace::<f64, 8>::new();
+            let q_view = Mat::square(&q, n).unwrap();
+            let found = resolve_partial(a, q_view, p0, &Config::default(), &mut workspace).unwrap();
+            let m = found.values.len();
+            prop_assert!(m == 0 || found.success_rate.success >= p0);
+            let mut h = vec![0.0; m * n];
+            let mut innovation = vec![0.0; m];
+            for i in 0..m {
+                let row = found.combinations.row(i);
+                for (h, &t) in h[i * n..(i + 1) * n].iter_mut().zip(row) {
+                    *h = t as f64;
+                }
+                innovation[i] = found.values[i] as f64 - dot(&h[i * n..(i + 1) * n], a);
+            }
+            let (mut mean, mut p) = (a.to_vec(), q.clone());
+            update_block(
+                &mut mean,
+                &mut MatMut::square(&mut p, n).unwrap(),
+                Mat::new(&h, m, n, n).unwrap(),
+                &mut innovation,
+                &mut MatMut::square(&mut vec![0.0; m * m], m).unwrap(),
+                &mut MatMut::new(&mut vec![0.0; m * n], m, n, n).unwrap(),
+            )
+            .unwrap();
+            for i in 0..n {
+                prop_assert!((mean[i] - found.conditional[i]).abs() < 1e-6, "{} {}", mean[i], found.conditional[i]);
+            }
+        }
+    }
+
+    /// σ = 0.1 and 5 cycles, uncorrelated: only the first can be fixed.
+    #[test]
+    fn the_weak_one_stays_float() {
+        let q = [0.01, 0.0, 0.0, 25.0];
+        let mut workspace = Workspace::<f64, 2>::new();
+        let q = Mat::square(&q, 2).unwrap();
+        let found = resolve_partial(&[7.02, 3.4], q, 0.99, &Config::default(), &mut workspace).unwrap();
+        assert_eq!(found.values, [7]);
+        assert_eq!(found.combinations.row(0), [1, 0]);
+        assert_eq!(found.conditional, [7.0, 3.4]);
+        assert_eq!(found.decide(&Thresholds::default()), Decision::Accepted);
+        let none = resolve_partial(&[7.02, 3.4], q, 1.1, &Config::default(), &mut workspace).unwrap();
+        assert!(none.values.is_empty());
+        assert_eq!(none.conditional, [7.02, 3.4]);
+        assert_eq!(none.decide(&Thresholds { success_rate: 0.0, ..Thresholds::default() }), Decision::LowSuccessRate);
+    }
+
+    #[test]
+    fn subsets_are_extracted() {
+        let q = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0];
+        let q = Mat::square(&q, 3).unwrap();
+        let (mut sub_a, mut sub_q) = ([0.0; 2], [0.0; 4]);
+        let mut view = MatMut::square(&mut sub_q, 2).unwrap();
+        select(&[0.1, 0.2, 0.3], q, &[2, 0], &mut sub_a, &mut view).unwrap();
+        assert_eq!(select(&[0.1, 0.2, 0.3], q, &[3, 0], &mut sub_a, &mut view), Err(IntegerError::Shape));
+        assert_eq!(select(&[0.1, 0.2, 0.3], q, &[0], &mut sub_a, &mut view), Err(IntegerError::Shape));
+        assert_eq!((sub_a, sub_q), ([0.3, 0.1], [9.0, 7.0, 3.0, 1.0]));
+    }
 }

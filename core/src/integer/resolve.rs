@@ -3,7 +3,7 @@
 //! [`resolve`] takes â and Q, returns the two nearest integer vectors with their norms, the bootstrapped success
 //! rate, ADOP, and how the integers came about. Whether to believe them is for [`super::accept`].
 //!
-//! Memory: a [`Workspace`] of capacity N has 3 N² + 10 N numbers of 8 bytes (f64), 17 KB for N = 24; it is `const`
+//! Memory: a [`Workspace`] of capacity N has 3 N² + 13 N numbers of 8 bytes (f64), 16 KB for N = 24; it is `const`
 //! constructible and belongs into a `static` or the filter's own state. Stack: below 1 KB.
 
 use super::decorrelate::{self, to_integer};
@@ -41,7 +41,7 @@ pub enum Method {
 /// Integers for all ambiguities.
 #[derive(Clone, Copy, Debug)]
 pub struct Resolution<'w, T> {
-    /// The nearest integer vector [cycles].
+    /// The nearest integer vector `[cycles]`.
     pub best: &'w [i64],
     /// The second nearest; equal to `best` where there is none, see [`Method::Bootstrapped`].
     pub second: &'w [i64],
@@ -53,7 +53,7 @@ pub struct Resolution<'w, T> {
     pub ratio: T,
     /// Success rate of bootstrapping after decorrelation, a lower bound for integer least squares.
     pub success_rate: Probability,
-    /// Ambiguity dilution of precision [cycles].
+    /// Ambiguity dilution of precision `[cycles]`.
     pub adop: f64,
     /// Nodes the search visited.
     pub nodes: u32,
@@ -218,7 +218,7 @@ impl<T: Real> Work<'_, T> {
     }
 }
 
-/// Resolves all ambiguities `a` [cycles] with covariance `q` [cycles²].
+/// Resolves all ambiguities `a` `[cycles]` with covariance `q` `[cycles²]`.
 pub fn resolve<'w, T: Real, const N: usize>(
     a: &[T],
     q: Mat<'_, T>,
@@ -258,18 +258,175 @@ fn resolve_in<'w, T: Real>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::linalg::spd;
+    use proptest::prelude::*;
+
+    fn solve<const N: usize>(a: &[f64], q: &[f64], budget: u32, workspace: &mut Workspace<f64, N>) -> (Vec<i64>, f64) {
+        let found = resolve(a, Mat::square(q, a.len()).unwrap(), &Config { budget }, workspace).unwrap();
+        (found.best.to_vec(), found.best_norm)
+    }
 
     /// P. de Jonge & C. Tiberius, LGR 12 (1996), sec. 4: the three-dimensional example.
+    const TEXTBOOK: [f64; 9] = [6.290, 5.978, 0.544, 5.978, 6.292, 2.340, 0.544, 2.340, 6.288];
+
     #[test]
     fn textbook_example() {
-        let q = [6.290, 5.978, 0.544, 5.978, 6.292, 2.340, 0.544, 2.340, 6.288];
         let mut workspace = Workspace::<f64, 4>::new();
-        let q = Mat::square(&q, 3).unwrap();
+        let q = Mat::square(&TEXTBOOK, 3).unwrap();
         let found = resolve(&[5.45, 3.10, 2.97], q, &Config::default(), &mut workspace).unwrap();
         assert_eq!(found.best, [5, 3, 4]);
         assert_eq!(found.second, [6, 4, 4]);
         assert!((found.best_norm - 0.218_331).abs() < 1e-5);
         assert!((found.second_norm - 0.307_273).abs() < 1e-5);
         assert_eq!(found.method, Method::LeastSquares);
+    }
+
+    #[test]
+    fn textbook_example_in_single_precision_far_from_zero() {
+        let q = TEXTBOOK.map(|q| q as f32);
+        let mut workspace = Workspace::<f32, 3>::new();
+        let q = Mat::square(&q, 3).unwrap();
+        let found = resolve(&[1005.45, 3.10, -497.03], q, &Config::default(), &mut workspace).unwrap();
+        assert_eq!(found.best, [1005, 3, -496]);
+        assert!((found.best_norm - 0.2183).abs() < 1e-3);
+    }
+
+    #[test]
+    fn an_exhausted_search_falls_back_and_says_so() {
+        let mut workspace = Workspace::<f64, 3>::new();
+        let q = Mat::square(&TEXTBOOK, 3).unwrap();
+        let found = resolve(&[5.45, 3.10, 2.97], q, &Config { budget: 3 }, &mut workspace).unwrap();
+        assert_eq!(found.method, Method::Bootstrapped);
+        assert_eq!((found.nodes, found.ratio), (3, 1.0));
+        assert_eq!(found.best, found.second);
+        assert_eq!(found.best_norm, found.second_norm);
+    }
+
+    #[test]
+    fn what_makes_no_sense_is_refused() {
+        let refuse = |a: &[f64], q: &[f64]| {
+            let mut workspace = Workspace::<f64, 2>::new();
+            let q = Mat::square(q, a.len()).unwrap();
+            resolve(a, q, &Config::default(), &mut workspace).map(|_| ()).unwrap_err()
+        };
+        let one = [1.0, 0.0, 0.0, 1.0];
+        assert_eq!(refuse(&[], &[]), IntegerError::Shape);
+        assert_eq!(refuse(&[0.0; 3], &[0.0; 9]), IntegerError::Capacity);
+        assert_eq!(refuse(&[f64::NAN, 0.0], &one), IntegerError::NotFinite);
+        assert_eq!(refuse(&[f64::INFINITY, 0.0], &one), IntegerError::NotFinite);
+        assert_eq!(refuse(&[1e300, 0.0], &one), IntegerError::Overflow);
+        assert_eq!(refuse(&[0.0, 0.0], &[1.0, f64::NAN, 0.0, 1.0]), IntegerError::NotFinite);
+        assert_eq!(refuse(&[0.0, 0.0], &[1.0, 0.5, 0.1, 1.0]), IntegerError::Asymmetric { row: 1 });
+        assert_eq!(refuse(&[0.0, 0.0], &[1.0, 0.0, 0.0, 0.0]), IntegerError::NotPositiveDefinite { pivot: 1 });
+        assert_eq!(refuse(&[0.0, 0.0], &[1.0, 1.0, 1.0, 1.0]), IntegerError::NotPositiveDefinite { pivot: 0 });
+        assert_eq!(refuse(&[0.0, 0.0], &[-1.0, 0.0, 0.0, 1.0]), IntegerError::NotPositiveDefinite { pivot: 0 });
+        let mut workspace = Workspace::<f64, 2>::new();
+        let wide = Mat::new(&one, 1, 2, 2).unwrap();
+        let error = resolve(&[0.0], wide, &Config::default(), &mut workspace).map(|_| ());
+        assert_eq!(error, Err(IntegerError::Shape));
+    }
+
+    #[test]
+    fn the_workspace_is_as_large_as_documented() {
+        assert_eq!(size_of::<Workspace<f64, 24>>(), 8 * (3 * 24 * 24 + 13 * 24));
+    }
+
+    /// Rounding in a text file makes Q asymmetric in its last digit; that is accepted.
+    #[test]
+    fn small_asymmetry_is_averaged() {
+        let mut workspace = Workspace::<f64, 2>::new();
+        let (best, norm) = solve(&[1.2, 0.4], &[0.1, 0.050_001, 0.050_000, 0.1], 100, &mut workspace);
+        let (expected, expected_norm) = solve(&[1.2, 0.4], &[0.1, 0.050_000_5, 0.050_000_5, 0.1], 100, &mut workspace);
+        assert_eq!(best, expected);
+        assert!((norm / expected_norm - 1.0).abs() < 1e-12);
+    }
+
+    proptest! {
+        /// For a' = T a, Q' = T Q Tᵀ with T unimodular, the nearest vector is T times the nearest and as near.
+        #[test]
+        fn unimodular_changes_do_not_matter(
+            (n, q) in spd::matrix(2..7usize),
+            a in proptest::collection::vec(-20.0..20.0f64, 6),
+            steps in proptest::collection::vec((0..6usize, 0..6usize, -2..=2i64), 4),
+        ) {
+            let a = &a[..n];
+            let (mut changed_a, mut changed_q) = (a.to_vec(), q.clone());
+            let mut workspace = Workspace::<f64, 6>::new();
+            let (mut expected, norm) = solve(a, &q, u32::MAX, &mut workspace);
+            for (i, j, multiple) in steps {
+                let (i, j) = (i % n, j % n);
+                if i == j {
+                    continue;
+                }
+                // Component i gains a multiple of component j.
+                let factor = multiple as f64;
+                expected[i] += multiple * expected[j];
+                changed_a[i] += factor * changed_a[j];
+                for k in 0..n {
+                    changed_q[i * n + k] += factor * changed_q[j * n + k];
+                }
+                for k in 0..n {
+                    changed_q[k * n + i] += factor * changed_q[k * n + j];
+                }
+            }
+            let (best, changed_norm) = solve(&changed_a, &changed_q, u32::MAX, &mut workspace);
+            prop_assert!((changed_norm - norm).abs() <= 1e-6 * norm.max(1e-9));
+            prop_assert_eq!(best, expected);
+        }
+
+        /// A million cycles more change nothing but the integers.
+        #[test]
+        fn whole_cycles_do_not_matter(
+            (n, q) in spd::matrix(1..7usize),
+            a in proptest::collection::vec(-0.5..0.5f64, 6),
+            offsets in proptest::collection::vec(-10_000_000..10_000_000i64, 6),
+        ) {
+            let mut workspace = Workspace::<f64, 6>::new();
+            // Fractions of 2⁻²⁰ survive the addition exactly.
+            let a: Vec<f64> = a[..n].iter().map(|a| (a * 1_048_576.0).round() / 1_048_576.0).collect();
+            let far: Vec<f64> = a.iter().zip(&offsets).map(|(a, &offset)| a + offset as f64).collect();
+            prop_assume!(a.iter().all(|a| a.abs() < 0.5));
+            let (near, norm) = solve(&a, &q, 1000, &mut workspace);
+            let (best, far_norm) = solve(&far, &q, 1000, &mut workspace);
+            prop_assert_eq!(norm, far_norm);
+            prop_assert!((0..n).all(|i| best[i] == near[i] + offsets[i]));
+        }
+
+        /// Any bits whatever give a result or a typed error.
+        #[test]
+        fn it_is_total(bits in proptest::collection::vec(any::<f64>(), 12), symmetric: bool, budget in 0..1000u32) {
+            let mut workspace = Workspace::<f64, 3>::new();
+            let mut q = bits[3..].to_vec();
+            if symmetric {
+                MatMut::square(&mut q, 3).unwrap().mirror_lower();
+            }
+            let found = resolve(&bits[..3], Mat::square(&q, 3).unwrap(), &Config { budget }, &mut workspace);
+            if let Ok(found) = found {
+                prop_assert!(found.nodes <= budget);
+            }
+        }
+
+        /// Near-singular matrices, down to the last bits, give a result within the budget or a typed error.
+        #[test]
+        fn near_singular_matrices_are_survived(
+            g in proptest::collection::vec(-1.0..1.0f64, 12),
+            a in proptest::collection::vec(-5.0..5.0f64, 6),
+            exponent in -18.0..-6.0f64,
+        ) {
+            let mut q = [0.0; 36];
+            for i in 0..6 {
+                for j in 0..6 {
+                    q[6 * i + j] = g[2 * i] * g[2 * j] + g[2 * i + 1] * g[2 * j + 1];
+                }
+                q[7 * i] += 10f64.powf(exponent);
+            }
+            let mut workspace = Workspace::<f64, 6>::new();
+            let found = resolve(&a, Mat::square(&q, 6).unwrap(), &Config::default(), &mut workspace);
+            match found {
+                Ok(found) => prop_assert!(found.nodes <= 100_000 && found.best_norm >= 0.0),
+                Err(IntegerError::NotPositiveDefinite { .. } | IntegerError::Overflow | IntegerError::NotFinite) => {}
+                Err(error) => prop_assert!(false, "{error}"),
+            }
+        }
     }
 }

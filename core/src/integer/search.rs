@@ -137,3 +137,157 @@ fn insert<T: Real>(
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::integer::bootstrap::bootstrap;
+    use crate::linalg::{ldl, spd};
+    use proptest::prelude::*;
+
+    /// U and D of Q, scaled to a largest variance of 1 cycle² (without decorrelation).
+    fn factors(n: usize, q: &[f64]) -> (Vec<f64>, Vec<f64>) {
+        let largest = (0..n).map(|i| q[i * (n + 1)]).fold(0.0, f64::max);
+        let mut u: Vec<f64> = q.iter().map(|q| q / largest).collect();
+        let mut d = vec![0.0; n];
+        let mut view = MatMut::square(&mut u, n).unwrap();
+        ldl::factor_ltdl(&mut view, &mut d).unwrap();
+        view.transpose();
+        (u, d)
+    }
+
+    struct Found {
+        outcome: Search,
+        candidates: Vec<Vec<i64>>,
+        norms: Vec<f64>,
+    }
+
+    fn run(a: &[f64], u: &[f64], d: &[f64], k: usize, budget: u32) -> Found {
+        let n = a.len();
+        let (mut candidates, mut norms) = (vec![0; k * n], vec![0.0; k]);
+        let (mut levels, mut residual) = (vec![Level::ZERO; n], vec![0.0; n]);
+        let factor = Mat::square(u, n).unwrap();
+        let mut view = MatMut::new(&mut candidates, k, n, n).unwrap();
+        let outcome = search(a, factor, d, budget, &mut view, &mut norms, &mut levels, &mut residual).unwrap();
+        Found { outcome, candidates: candidates.chunks(n).map(<[i64]>::to_vec).collect(), norms }
+    }
+
+    /// Squared norm of a − z, term by term from the definition of U and D.
+    fn norm(a: &[f64], z: &[i64], u: &[f64], d: &[f64]) -> f64 {
+        let n = a.len();
+        let mut residual = vec![0.0; n];
+        let mut sum = 0.0;
+        for i in (0..n).rev() {
+            let carried: f64 = (i + 1..n).map(|k| u[i * n + k] * residual[k]).sum();
+            residual[i] = a[i] - z[i] as f64 - carried;
+            sum += residual[i] * residual[i] / d[i];
+        }
+        sum
+    }
+
+    proptest! {
+        /// Whatever is nearer than the k-th candidate lies in the box a ± √(q_ii ‖·‖²); all its integers are tried.
+        #[test]
+        fn brute_force_finds_nothing_nearer(
+            (n, q) in spd::matrix(1..5usize),
+            a in proptest::collection::vec(-3.0..3.0f64, 4),
+            k in 1..5usize,
+        ) {
+            let a = &a[..n];
+            let (u, d) = factors(n, &q);
+            let found = run(a, &u, &d, k, u32::MAX);
+            prop_assert!(matches!(found.outcome, Search::Complete { .. }), "the budget is unlimited");
+            for (z, &expected) in found.candidates.iter().zip(&found.norms) {
+                prop_assert!((norm(a, z, &u, &d) - expected).abs() <= 1e-9 * expected.max(1e-12));
+            }
+            prop_assert!(found.norms.windows(2).all(|pair| pair[0] <= pair[1]));
+            prop_assert!((1..k).all(|i| !found.candidates[..i].contains(&found.candidates[i])));
+
+            let worst = found.norms[k - 1];
+            let bounds: Vec<(i64, i64)> = (0..n)
+                .map(|i| {
+                    let variance: f64 = (i..n).map(|j| u[i * n + j].powi(2) * d[j]).sum();
+                    let half = (variance * worst).sqrt() + 1e-6;
+                    ((a[i] - half).ceil() as i64, (a[i] + half).floor() as i64)
+                })
+                .collect();
+            let points: i64 = bounds.iter().map(|(low, high)| high - low + 1).product();
+            if points < 300_000 {
+                let mut nearer = 0;
+                for mut index in 0..points {
+                    let z: Vec<i64> = bounds
+                        .iter()
+                        .map(|(low, high)| {
+                            let width = high - low + 1;
+                            let digit = index % width;
+                            index /= width;
+                            low + digit
+                        })
+                        .collect();
+                    nearer += usize::from(norm(a, &z, &u, &d) < worst * (1.0 - 1e-9));
+                }
+                prop_assert!(nearer < k, "{nearer} vectors are nearer than candidate {k}");
+            }
+        }
+
+        #[test]
+        fn the_budget_is_kept(
+            (n, q) in spd::matrix(1..9usize),
+            a in proptest::collection::vec(-3.0..3.0f64, 8),
+            budget in 0..400u32,
+        ) {
+            let a = &a[..n];
+            let (u, d) = factors(n, &q);
+            let found = run(a, &u, &d, 2, budget);
+            match found.outcome {
+                Search::Complete { nodes } => {
+                    prop_assert!(nodes <= budget);
+                    prop_assert_eq!(&run(a, &u, &d, 2, u32::MAX).candidates, &found.candidates);
+                }
+                Search::Exhausted { nodes } => prop_assert_eq!(nodes, budget),
+            }
+        }
+
+        /// The first vector reached is the bootstrapped one.
+        #[test]
+        fn the_first_leaf_is_bootstrapped(
+            (n, q) in spd::matrix(1..9usize),
+            a in proptest::collection::vec(-3.0..3.0f64, 8),
+        ) {
+            let a = &a[..n];
+            let (u, d) = factors(n, &q);
+            let first = run(a, &u, &d, 1, n as u32);
+            let (mut fixed, mut residual) = (vec![0; n], vec![0.0; n]);
+            let norm = bootstrap(a, Mat::square(&u, n).unwrap(), &d, &mut fixed, &mut residual).unwrap();
+            prop_assert_eq!(&first.candidates[0], &fixed);
+            prop_assert!((first.norms[0] - norm).abs() <= 1e-12 * norm);
+        }
+    }
+
+    /// Uncorrelated ambiguities: half-way floats give ties; the one away from zero is tried first.
+    #[test]
+    fn ties_round_away_from_zero() {
+        let u = [1.0, 0.0, 0.0, 1.0];
+        let found = run(&[0.5, -1.5], &u, &[1.0, 1.0], 4, 1000);
+        assert_eq!(found.candidates[0], [1, -2]);
+        assert_eq!(found.norms, [0.5; 4]);
+    }
+
+    #[test]
+    fn bad_arguments_are_refused() {
+        let u = [1.0];
+        let factor = Mat::square(&u, 1).unwrap();
+        let refused = |a: &[f64], d: &[f64], k: usize| {
+            let (mut candidates, mut norms) = ([0; 2], [0.0; 2]);
+            let (mut levels, mut residual) = ([Level::ZERO], [0.0]);
+            let mut view = MatMut::new(&mut candidates, k, 1, 1).unwrap();
+            search(a, factor, d, 10, &mut view, &mut norms[..k], &mut levels, &mut residual).unwrap_err()
+        };
+        assert_eq!(refused(&[], &[1.0], 1), IntegerError::Shape);
+        assert_eq!(refused(&[0.0], &[1.0], 0), IntegerError::Shape);
+        assert_eq!(refused(&[0.0], &[0.0], 1), IntegerError::NotFinite);
+        assert_eq!(refused(&[0.0], &[f64::NAN], 1), IntegerError::NotFinite);
+        assert_eq!(refused(&[f64::NAN], &[1.0], 1), IntegerError::Overflow);
+        assert_eq!(refused(&[1e16], &[1.0], 1), IntegerError::Overflow);
+    }
+}

@@ -6,7 +6,7 @@
 //! |---|---|---|
 //! | [`bootstrapped`] | Π (2Φ(1/(2σ_i)) − 1) | bootstrapping in this order, exact; lower bound of ILS |
 //! | [`rounding_lower`] | Π (2Φ(1/(2√q_ii)) − 1) | rounding, lower bound |
-//! | [`adop`] | (Π σ_i)^(1/n) = det(Q)^(1/2n) | measure of precision [cycles], invariant under Z |
+//! | [`adop`] | (Π σ_i)^(1/n) = det(Q)^(1/2n) | measure of precision `[cycles]`, invariant under Z |
 //! | [`adop_upper`] | (2Φ(1/(2 ADOP)) − 1)ⁿ | bootstrapping, upper bound; only an approximation for ILS |
 //! | [`ils_upper`] | P(χ²_n ≤ c_n / ADOP²), c_n = ((n/2) Γ(n/2))^(2/n) / π | ILS, upper bound |
 //! | [`ball_lower`] | P(χ²_n ≤ min ‖z‖²_Q / 4) over integer z ≠ 0 | ILS, lower bound |
@@ -14,7 +14,7 @@
 //! P. J. G. Teunissen, J. Geodesy 72 (1998) 606–612 and Artificial Satellites 33 (1998) 3–22; S. Verhagen, *The GNSS
 //! integer ambiguities: estimation and validation* (2005), sec. 3.2 and 3.3; A. Hassibi & S. Boyd, IEEE Trans. Signal
 //! Proc. 46 (1998) for the last two. Some papers call the ADOP expression a lower bound of ILS; it is not: for
-//! diag(0.04, 0.0004, 0.09) it gives 1.000 where integer least squares succeeds in 0.894 of cases.
+//! diag(0.04, 0.0004, 0.09) it gives 1.000 where integer least squares succeeds in 0.893 of cases.
 //!
 //! Products are formed as Σ log1p(−failure), so that a failure rate of 1e-9 keeps its digits.
 
@@ -38,14 +38,14 @@ impl Probability {
     }
 }
 
-/// ln(2Φ(1/(2σ)) − 1) for variance σ² [cycles²].
+/// ln(2Φ(1/(2σ)) − 1) for variance σ² `[cycles²]`.
 pub(crate) fn log_success(variance: f64) -> f64 {
     let half_width = 0.5 / libm::sqrt(2.0 * variance);
     let failure = libm::erfc(half_width);
     if failure < 0.5 { libm::log1p(-failure) } else { libm::log(libm::erf(half_width)) }
 }
 
-/// Success rate of bootstrapping with these conditional variances [cycles²]. 1 for none, NaN where one is negative.
+/// Success rate of bootstrapping with these conditional variances `[cycles²]`. 1 for none, NaN where one is negative.
 pub fn bootstrapped<T: Real>(variances: &[T]) -> Probability {
     Probability::from_log(variances.iter().map(|d| log_success(d.to_f64())).sum())
 }
@@ -55,7 +55,7 @@ pub fn rounding_lower<T: Real>(q: Mat<'_, T>) -> Probability {
     Probability::from_log((0..q.rows().min(q.cols())).map(|i| log_success(q.at(i, i).to_f64())).sum())
 }
 
-/// Ambiguity dilution of precision [cycles] from conditional variances [cycles²]. 0 for none.
+/// Ambiguity dilution of precision `[cycles]` from conditional variances `[cycles²]`. 0 for none.
 pub fn adop<T: Real>(variances: &[T]) -> f64 {
     if variances.is_empty() {
         return 0.0;
@@ -64,12 +64,12 @@ pub fn adop<T: Real>(variances: &[T]) -> f64 {
     libm::exp(0.5 * log_determinant / variances.len() as f64)
 }
 
-/// Upper bound of the bootstrapped success rate, from ADOP [cycles] and dimension.
+/// Upper bound of the bootstrapped success rate, from ADOP `[cycles]` and dimension.
 pub fn adop_upper(adop: f64, n: usize) -> Probability {
     Probability::from_log(n as f64 * log_success(adop * adop))
 }
 
-/// Upper bound of the success rate of integer least squares, from ADOP [cycles] and dimension.
+/// Upper bound of the success rate of integer least squares, from ADOP `[cycles]` and dimension.
 pub fn ils_upper(adop: f64, n: usize) -> Probability {
     let half = 0.5 * n as f64;
     let c = libm::exp((libm::log(half) + libm::lgamma(half)) / half) / core::f64::consts::PI;
@@ -86,4 +86,58 @@ pub fn ball_lower(shortest_squared_norm: f64, n: usize) -> Probability {
 fn from_chi_square(x: f64, n: usize) -> Probability {
     let degrees = u32::try_from(n).unwrap_or(u32::MAX);
     Probability { success: chi_square::cdf(x, degrees), failure: chi_square::survival(x, degrees) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// One ambiguity of 0.1 and of 0.5 cycles: 2Φ(5) − 1 and 2Φ(1) − 1 (tables of Φ); failure 2Q(5).
+    #[test]
+    fn by_table() {
+        let strong = bootstrapped(&[0.01]);
+        assert!((strong.failure / 5.733_031_437_583_87e-7 - 1.0).abs() < 1e-12);
+        assert!((bootstrapped(&[0.25f32]).success - 0.682_689_492_137_086).abs() < 1e-14);
+        let two = bootstrapped(&[0.01, 0.01]);
+        assert!((two.failure / (2.0 * strong.failure - strong.failure * strong.failure) - 1.0).abs() < 1e-12);
+        assert!((adop(&[0.04, 0.09]) - (0.2f64 * 0.3).sqrt()).abs() < 1e-15);
+    }
+
+    /// For diag(0.04, 0.0004, 0.09) the components are independent, so that ILS is rounding and its success rate the
+    /// product of the single rates, 0.8932; the ADOP expression says 1.000 and is no lower bound.
+    #[test]
+    fn adop_is_no_lower_bound_of_least_squares() {
+        let variances = [0.04, 0.0004, 0.09];
+        let exact = bootstrapped(&variances).success;
+        let adop = adop(&variances);
+        assert!((exact - 0.8932).abs() < 5e-5, "{exact}");
+        assert!(adop_upper(adop, 3).success > 0.9995);
+        assert!(ils_upper(adop, 3).success >= exact);
+        assert!(ball_lower(1.0 / 0.09, 3).success <= exact);
+    }
+
+    #[test]
+    fn edges() {
+        let none: [f64; 0] = [];
+        assert_eq!(bootstrapped(&none), Probability { success: 1.0, failure: 0.0 });
+        assert_eq!(adop(&none), 0.0);
+        assert_eq!(bootstrapped(&[0.0]).failure, 0.0);
+        assert!(bootstrapped(&[-1.0]).success.is_nan() && bootstrapped(&[f64::NAN]).success.is_nan());
+        assert!(bootstrapped(&[1e12]).success < 1e-6);
+    }
+
+    proptest! {
+        #[test]
+        fn the_bounds_are_ordered(variances in proptest::collection::vec(1e-4..1.0f64, 1..12)) {
+            let n = variances.len();
+            let exact = bootstrapped(&variances);
+            let adop = adop(&variances);
+            prop_assert!(adop_upper(adop, n).success >= exact.success - 1e-12);
+            prop_assert!(ils_upper(adop, n).success >= exact.success - 1e-12);
+            let largest = variances.iter().fold(0.0, |a: f64, &b| a.max(b));
+            prop_assert!(ball_lower(1.0 / largest, n).success <= exact.success + 1e-12);
+            prop_assert!((exact.success + exact.failure - 1.0).abs() < 1e-14);
+        }
+    }
 }

@@ -17,7 +17,7 @@ use crate::real::Real;
 /// What a block update found.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BlockUpdate<T> {
-    /// Normalised innovation squared νᵀ S⁻¹ ν, χ² with m degrees of freedom if model and noise are right [1].
+    /// Normalised innovation squared νᵀ S⁻¹ ν, χ² with m degrees of freedom if model and noise are right `[1]`.
     pub normalized_innovation_squared: T,
     /// ln det S.
     pub log_determinant: f64,
@@ -91,4 +91,82 @@ pub fn whiten<T: Real>(h: &mut MatMut<'_, T>, innovation: &mut [T], r: &mut MatM
     cholesky::factor(r)?;
     triangular::forward_rows(r.as_ref(), h)?;
     triangular::forward(r.as_ref(), innovation)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::sequential::{Row, update_scalar};
+    use super::super::spd;
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// One block update is whitening followed by scalar updates.
+        #[test]
+        fn block_and_whitened_sequence_agree(
+            (n, prior) in spd::matrix(1..7usize),
+            (m, noise) in spd::matrix(1..5usize),
+            h in proptest::collection::vec(-1.0..1.0f64, 24),
+            y in proptest::collection::vec(-3.0..3.0f64, 4),
+        ) {
+            let h = &h[..m * n];
+            let (mut mean, mut p, mut work) = (vec![0.0; n], prior.clone(), vec![0.0; m * n]);
+            let (mut r, mut z) = (noise.clone(), y[..m].to_vec());
+            let update = update_block(
+                &mut mean,
+                &mut MatMut::square(&mut p, n).unwrap(),
+                Mat::new(h, m, n, n).unwrap(),
+                &mut z,
+                &mut MatMut::square(&mut r, m).unwrap(),
+                &mut MatMut::new(&mut work, m, n, n).unwrap(),
+            )
+            .unwrap();
+
+            let (mut sequential_mean, mut sequential_p, mut gain) = (vec![0.0; n], prior.clone(), vec![0.0; n]);
+            let (mut h, mut r, mut z) = (h.to_vec(), noise.clone(), y[..m].to_vec());
+            let mut h = MatMut::new(&mut h, m, n, n).unwrap();
+            whiten(&mut h, &mut z, &mut MatMut::square(&mut r, m).unwrap()).unwrap();
+            let mut nis = 0.0;
+            for i in 0..m {
+                let nu = z[i] - dot(h.row(i), &sequential_mean);
+                let mut p = MatMut::square(&mut sequential_p, n).unwrap();
+                let found = update_scalar(&mut sequential_mean, &mut p, Row::Dense(h.row(i)), nu, 1.0, &mut gain);
+                nis += found.unwrap().normalized_innovation.powi(2);
+            }
+            prop_assert!((nis / update.normalized_innovation_squared - 1.0).abs() < 1e-6);
+            for k in 0..n * n {
+                let scale = (prior[k / n * (n + 1)] * prior[k % n * (n + 1)]).sqrt();
+                prop_assert!((p[k] - sequential_p[k]).abs() < 1e-9 * scale);
+            }
+            for i in 0..n {
+                prop_assert!((mean[i] - sequential_mean[i]).abs() < 1e-7 * prior[i * (n + 1)].sqrt());
+            }
+        }
+    }
+
+    #[test]
+    fn refused_updates_change_nothing() {
+        let try_update = |h: [f64; 2], y: f64, r: f64| {
+            let (mut mean, mut p, mut work) = ([1.0, 2.0], [2.0, 1.0, 1.0, 2.0], [0.0; 2]);
+            let error = update_block(
+                &mut mean,
+                &mut MatMut::square(&mut p, 2).unwrap(),
+                Mat::new(&h, 1, 2, 2).unwrap(),
+                &mut [y],
+                &mut MatMut::square(&mut [r], 1).unwrap(),
+                &mut MatMut::new(&mut work, 1, 2, 2).unwrap(),
+            )
+            .unwrap_err();
+            assert_eq!((mean, p), ([1.0, 2.0], [2.0, 1.0, 1.0, 2.0]));
+            error
+        };
+        assert_eq!(try_update([1.0, 0.0], f64::NAN, 1.0), LinalgError::NotFinite);
+        assert_eq!(try_update([0.0, 0.0], 1.0, 0.0), LinalgError::NotPositiveDefinite { pivot: 0 });
+        assert_eq!(try_update([f64::NAN, 0.0], 1.0, 1.0), LinalgError::NotPositiveDefinite { pivot: 0 });
+        let (mut h, mut r) = ([1.0, 2.0], [-1.0]);
+        let mut view = MatMut::new(&mut h, 1, 2, 2).unwrap();
+        assert!(whiten(&mut view, &mut [1.0], &mut MatMut::square(&mut r, 1).unwrap()).is_err());
+        assert!(whiten(&mut view, &mut [1.0; 2], &mut MatMut::square(&mut r, 1).unwrap()).is_err());
+        assert_eq!(h, [1.0, 2.0]);
+    }
 }

@@ -42,3 +42,61 @@ pub fn solve<T: Real>(l: Mat<'_, T>, b: &mut [T]) -> Result<(), LinalgError> {
 pub fn log_determinant<T: Real>(l: Mat<'_, T>) -> f64 {
     (0..l.rows().min(l.cols())).map(|i| 2.0 * libm::log(l.at(i, i).to_f64())).sum()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::spd;
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn the_matrix_comes_back((n, a) in spd::matrix(1..9usize)) {
+            let mut l = a.clone();
+            factor(&mut MatMut::square(&mut l, n).unwrap()).unwrap();
+            let l = spd::lower(n, &l);
+            let back = spd::product(n, &l, &spd::transposed(n, &l));
+            for k in 0..n * n {
+                let scale = (a[k / n * (n + 1)] * a[k % n * (n + 1)]).sqrt();
+                prop_assert!((back[k] - a[k]).abs() < 1e-14 * scale);
+            }
+        }
+
+        #[test]
+        fn solves_have_small_residuals((n, a) in spd::matrix(1..9usize), x in proptest::collection::vec(-1.0..1.0f64, 9)) {
+            let mut l = a.clone();
+            factor(&mut MatMut::square(&mut l, n).unwrap()).unwrap();
+            let b: Vec<f64> = (0..n).map(|i| dot(&a[i * n..(i + 1) * n], &x[..n])).collect();
+            let mut solution = b.clone();
+            solve(Mat::square(&l, n).unwrap(), &mut solution).unwrap();
+            for i in 0..n {
+                let row = &a[i * n..(i + 1) * n];
+                let size: f64 = row.iter().zip(&solution).map(|(a, x)| (a * x).abs()).sum();
+                prop_assert!((dot(row, &solution) - b[i]).abs() < 1e-12 * size.max(b[i].abs()));
+            }
+        }
+    }
+
+    /// Hand calculation: [[4, 2], [2, 5]] = L Lᵀ with L = [[2, 0], [1, 2]], det = 16.
+    #[test]
+    fn by_hand_and_inside_a_larger_buffer() {
+        let mut buffer = [4.0f32, -1.0, 9.0, 2.0, 5.0, 9.0];
+        let mut a = MatMut::new(&mut buffer, 2, 2, 3).unwrap();
+        factor(&mut a).unwrap();
+        assert!((log_determinant(a.as_ref()) - 16f64.ln()).abs() < 1e-12);
+        assert_eq!(buffer, [2.0, -1.0, 9.0, 1.0, 2.0, 9.0]);
+    }
+
+    #[test]
+    fn what_is_not_positive_definite_is_refused() {
+        let refused = |mut a: [f64; 4]| factor(&mut MatMut::square(&mut a, 2).unwrap()).unwrap_err();
+        assert_eq!(refused([1.0, 2.0, 2.0, 1.0]), LinalgError::NotPositiveDefinite { pivot: 1 });
+        assert_eq!(refused([1.0, 1.0, 1.0, 1.0]), LinalgError::NotPositiveDefinite { pivot: 1 });
+        assert_eq!(refused([0.0, 0.0, 0.0, 1.0]), LinalgError::NotPositiveDefinite { pivot: 0 });
+        assert_eq!(refused([f64::NAN, 0.0, 0.0, 1.0]), LinalgError::NotPositiveDefinite { pivot: 0 });
+        assert_eq!(refused([f64::INFINITY, 0.0, 0.0, 1.0]), LinalgError::NotPositiveDefinite { pivot: 0 });
+        assert_eq!(refused([1.0, 0.0, f64::NAN, 1.0]), LinalgError::NotPositiveDefinite { pivot: 1 });
+        let mut wide = [1.0; 6];
+        assert_eq!(factor(&mut MatMut::new(&mut wide, 2, 3, 3).unwrap()), Err(LinalgError::Shape));
+    }
+}

@@ -74,3 +74,50 @@ pub fn factor_ldlt<T: Real>(a: &mut MatMut<'_, T>, d: &mut [T]) -> Result<(), Li
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::{LinalgError, spd};
+    use super::*;
+    use proptest::prelude::*;
+
+    /// L or Lᵀ first, D between.
+    fn assembled(n: usize, l: &[f64], d: &[f64], transposed_first: bool) -> Vec<f64> {
+        let l = spd::lower(n, l);
+        let lt = spd::transposed(n, &l);
+        let (first, last) = if transposed_first { (lt, l) } else { (l, lt) };
+        let scaled: Vec<f64> = (0..n * n).map(|k| first[k] * d[k % n]).collect();
+        spd::product(n, &scaled, &last)
+    }
+
+    proptest! {
+        #[test]
+        fn the_matrix_comes_back((n, a) in spd::matrix(1..9usize), transposed_first: bool) {
+            let (mut l, mut d) = (a.clone(), vec![0.0; n]);
+            let mut view = MatMut::square(&mut l, n).unwrap();
+            let factored = if transposed_first { factor_ltdl(&mut view, &mut d) } else { factor_ldlt(&mut view, &mut d) };
+            factored.unwrap();
+            let back = assembled(n, &l, &d, transposed_first);
+            for k in 0..n * n {
+                let scale = (a[k / n * (n + 1)] * a[k % n * (n + 1)]).sqrt();
+                prop_assert!((back[k] - a[k]).abs() < 1e-13 * scale);
+            }
+            prop_assert!((0..n).all(|i| l[i * n + i] == 1.0 && d[i] > 0.0));
+        }
+    }
+
+    #[test]
+    fn what_is_not_positive_definite_is_refused() {
+        for mut q in [[1.0, 1.0, 1.0, 1.0], [f64::NAN, 0.0, 0.0, 1.0], [-1.0, 0.0, 0.0, 1.0], [0.0; 4]] {
+            let mut copy = q;
+            let mut d = [0.0; 2];
+            let error = factor_ltdl(&mut MatMut::square(&mut q, 2).unwrap(), &mut d).unwrap_err();
+            assert!(matches!(error, LinalgError::NotPositiveDefinite { .. }));
+            let error = factor_ldlt(&mut MatMut::square(&mut copy, 2).unwrap(), &mut d).unwrap_err();
+            assert!(matches!(error, LinalgError::NotPositiveDefinite { .. }));
+        }
+        let mut q = [1.0; 4];
+        assert_eq!(factor_ltdl(&mut MatMut::square(&mut q, 2).unwrap(), &mut [0.0]), Err(LinalgError::Shape));
+        assert_eq!(factor_ldlt(&mut MatMut::square(&mut q, 2).unwrap(), &mut [0.0]), Err(LinalgError::Shape));
+    }
+}

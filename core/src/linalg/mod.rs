@@ -22,6 +22,8 @@ pub mod cholesky;
 mod error;
 pub mod ldl;
 pub mod sequential;
+#[cfg(test)]
+pub(crate) mod spd;
 pub mod triangular;
 pub mod view;
 
@@ -30,9 +32,20 @@ pub use view::{Mat, MatMut};
 
 use crate::real::Real;
 
-/// Σ aᵢ bᵢ over the shorter of the two.
+/// Σ aᵢ bᵢ over the shorter of the two. Four sums run side by side, in the same order on every machine: a processor
+/// can overlap them, and results stay the same bit for bit.
 pub(crate) fn dot<T: Real>(a: &[T], b: &[T]) -> T {
-    a.iter().zip(b).fold(T::ZERO, |sum, (&a, &b)| sum + a * b)
+    let n = a.len().min(b.len());
+    let (a4, a_rest) = a[..n].as_chunks::<4>();
+    let (b4, b_rest) = b[..n].as_chunks::<4>();
+    let mut sums = [T::ZERO; 4];
+    for (a, b) in a4.iter().zip(b4) {
+        for k in 0..4 {
+            sums[k] += a[k] * b[k];
+        }
+    }
+    let rest = a_rest.iter().zip(b_rest).fold(T::ZERO, |sum, (&a, &b)| sum + a * b);
+    (sums[0] + sums[1]) + (sums[2] + sums[3]) + rest
 }
 
 /// y ← y + s x over the shorter of the two.

@@ -25,7 +25,7 @@ use crate::real::Real;
 pub struct ScalarUpdate<T> {
     /// Innovation variance s = hᵀ P h + r, in squared units of the measurement.
     pub innovation_variance: T,
-    /// ν / √s, standard normal if model and noise are right [1].
+    /// ν / √s, standard normal if model and noise are right `[1]`.
     pub normalized_innovation: T,
 }
 
@@ -162,4 +162,118 @@ fn finish<T: Real>(mean: &mut [T], innovation: T, update: &ScalarUpdate<T>, gain
         *v /= update.innovation_variance;
     }
     axpy(mean, innovation, gain);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Mat, spd};
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn sparse_and_dense_and_joseph_agree(
+            (n, prior) in spd::matrix(2..9usize),
+            values in proptest::collection::vec(-1.0..1.0f64, 2),
+            variance in 0.01..10.0f64,
+        ) {
+            let indices = [0, n - 1];
+            let mut h = vec![0.0; n];
+            h[0] = values[0];
+            h[n - 1] = values[1];
+            let rows = [Row::Dense(&h), Row::Sparse { indices: &indices, values: &values }];
+            let mut results = Vec::new();
+            for row in rows {
+                for joseph in [false, true] {
+                    let (mut mean, mut p) = (vec![0.0; n], prior.clone());
+                    let (mut gain, mut work) = (vec![0.0; n], vec![0.0; n]);
+                    let mut view = MatMut::square(&mut p, n).unwrap();
+                    let update = if joseph {
+                        update_scalar_joseph(&mut mean, &mut view, row, 1.5, variance, &mut gain, &mut work)
+                    } else {
+                        update_scalar(&mut mean, &mut view, row, 1.5, variance, &mut gain)
+                    };
+                    let s = update.unwrap().innovation_variance;
+                    prop_assert!((dot(&gain, &h) - (1.0 - variance / s)).abs() < 1e-12, "hᵀ k = hᵀ P h / s");
+                    for i in 0..n {
+                        for j in 0..n {
+                            prop_assert_eq!(p[i * n + j], p[j * n + i]);
+                        }
+                        prop_assert!(p[i * n + i] <= prior[i * n + i]);
+                    }
+                    results.push((mean, p));
+                }
+            }
+            let (mean, p) = &results[0];
+            for (other_mean, other_p) in &results[1..] {
+                for k in 0..n * n {
+                    let scale = (prior[k / n * (n + 1)] * prior[k % n * (n + 1)]).sqrt();
+                    prop_assert!((p[k] - other_p[k]).abs() < 1e-12 * scale);
+                }
+                for i in 0..n {
+                    prop_assert!((mean[i] - other_mean[i]).abs() < 1e-12 * prior[i * n + i].sqrt().max(1.0) * 100.0);
+                }
+            }
+        }
+    }
+
+    /// Two sensors of variance 1 and 3 on one state of variance 1: 1/P = 1/1 + 1/1 + 1/3, and the weighted mean.
+    #[test]
+    fn by_hand() {
+        let (mut mean, mut p, mut gain) = ([0.0], [1.0], [0.0]);
+        for (y, variance) in [(1.0, 1.0), (2.0, 3.0)] {
+            let innovation = y - mean[0];
+            let mut p = MatMut::square(&mut p, 1).unwrap();
+            update_scalar(&mut mean, &mut p, Row::Dense(&[1.0]), innovation, variance, &mut gain).unwrap();
+        }
+        assert!((p[0] - 3.0 / 7.0f64).abs() < 1e-15);
+        assert!((mean[0] - (1.0 + 2.0 / 3.0) * 3.0 / 7.0f64).abs() < 1e-15);
+    }
+
+    /// A prior of 10 km, a measurement of 1 mm, twice: the exact variance is r/2 to ten digits. The plain form has
+    /// lost it, the Joseph form has not.
+    #[test]
+    fn joseph_survives_a_wide_prior() {
+        let posterior = |joseph: bool| {
+            let (mut mean, mut p) = ([0.0; 2], [1e8, 0.9e8, 0.9e8, 1e8]);
+            let (mut gain, mut work) = ([0.0; 2], [0.0; 2]);
+            for h in [[1.0, 0.1], [1.0, 0.1], [0.1, 1.0]] {
+                let mut p = MatMut::square(&mut p, 2).unwrap();
+                let row = Row::Dense(&h);
+                if joseph {
+                    update_scalar_joseph(&mut mean, &mut p, row, 0.0, 1e-6, &mut gain, &mut work).unwrap();
+                } else if update_scalar(&mut mean, &mut p, row, 0.0, 1e-6, &mut gain).is_err() {
+                    return f64::NAN;
+                }
+            }
+            let p = Mat::square(&p, 2).unwrap();
+            let h = [1.0, 0.1];
+            (0..2).map(|i| h[i] * dot(p.row(i), &h)).sum::<f64>()
+        };
+        assert!((posterior(true) / 0.5e-6 - 1.0).abs() < 1e-3, "{}", posterior(true));
+        assert!(posterior(false).is_nan() || (posterior(false) / 0.5e-6 - 1.0).abs() > 1e-3, "{}", posterior(false));
+    }
+
+    #[test]
+    fn refused_updates_change_nothing() {
+        let try_update = |h: Row<'_, f64>, innovation: f64, variance: f64| {
+            let (mut mean, mut p, mut gain) = ([1.0, 2.0], [2.0, 1.0, 1.0, 2.0], [0.0; 2]);
+            let mut work = [0.0; 2];
+            let mut view = MatMut::square(&mut p, 2).unwrap();
+            let plain = update_scalar(&mut mean, &mut view, h, innovation, variance, &mut gain);
+            let joseph = update_scalar_joseph(&mut mean, &mut view, h, innovation, variance, &mut gain, &mut work);
+            assert_eq!((mean, p), ([1.0, 2.0], [2.0, 1.0, 1.0, 2.0]));
+            assert_eq!(plain, joseph);
+            plain.unwrap_err()
+        };
+        let unit = Row::Dense(&[1.0, 0.0]);
+        assert_eq!(try_update(unit, f64::NAN, 1.0), LinalgError::NotFinite);
+        assert_eq!(try_update(unit, 0.0, f64::INFINITY), LinalgError::NotFinite);
+        assert_eq!(try_update(unit, 0.0, -1.0), LinalgError::NotFinite);
+        assert_eq!(try_update(Row::Dense(&[0.0, 0.0]), 0.0, 0.0), LinalgError::NotFinite);
+        assert_eq!(try_update(Row::Dense(&[f64::NAN, 0.0]), 0.0, 1.0), LinalgError::NotFinite);
+        assert_eq!(try_update(Row::Dense(&[1.0]), 0.0, 1.0), LinalgError::Shape);
+        assert_eq!(try_update(Row::Sparse { indices: &[2], values: &[1.0] }, 0.0, 1.0), LinalgError::Shape);
+        assert_eq!(try_update(Row::Sparse { indices: &[0], values: &[] }, 0.0, 1.0), LinalgError::Shape);
+    }
 }

@@ -84,3 +84,71 @@ pub fn invert<T: Real>(l: &mut MatMut<'_, T>) -> Result<(), LinalgError> {
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::{cholesky, spd};
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn the_inverse_times_the_matrix_is_one((n, a) in spd::matrix(1..9usize)) {
+            let mut l = a.clone();
+            cholesky::factor(&mut MatMut::square(&mut l, n).unwrap()).unwrap();
+            let mut inverse = l.clone();
+            invert(&mut MatMut::square(&mut inverse, n).unwrap()).unwrap();
+            let (l, inverse) = (spd::lower(n, &l), spd::lower(n, &inverse));
+            let one = spd::product(n, &inverse, &l);
+            for k in 0..n * n {
+                let size: f64 = (0..n).map(|i| (inverse[k / n * n + i] * l[i * n + k % n]).abs()).sum();
+                let expected = if k / n == k % n { 1.0 } else { 0.0 };
+                prop_assert!((one[k] - expected).abs() <= 1e-12 * size);
+            }
+        }
+
+        #[test]
+        fn many_columns_are_solved_as_one((n, a) in spd::matrix(1..9usize), b in proptest::collection::vec(-1.0..1.0f64, 27)) {
+            let mut l = a.clone();
+            cholesky::factor(&mut MatMut::square(&mut l, n).unwrap()).unwrap();
+            let l = Mat::square(&l, n).unwrap();
+            for back in [false, true] {
+                let mut many = b.clone();
+                let mut many = MatMut::new(&mut many, n, 3, 3).unwrap();
+                let solved = if back { back_transposed_rows(l, &mut many) } else { forward_rows(l, &mut many) };
+                solved.unwrap();
+                for column in 0..3 {
+                    let mut single: Vec<f64> = (0..n).map(|i| b[i * 3 + column]).collect();
+                    let solved = if back { back_transposed(l, &mut single) } else { forward(l, &mut single) };
+                    solved.unwrap();
+                    let size = single.iter().fold(0.0, |size: f64, x| size.max(x.abs()));
+                    for i in 0..n {
+                        prop_assert!((many.at(i, column) - single[i]).abs() <= 1e-10 * size);
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn by_hand() {
+        let l = [2.0, f64::NAN, 1.0, 4.0];
+        let l = Mat::square(&l, 2).unwrap();
+        let mut y = [2.0, 9.0];
+        forward(l, &mut y).unwrap();
+        assert_eq!(y, [1.0, 2.0]);
+        let mut x = [5.0, 8.0];
+        back_transposed(l, &mut x).unwrap();
+        assert_eq!(x, [1.5, 2.0]);
+    }
+
+    #[test]
+    fn singular_and_misshapen_are_refused() {
+        let l = [2.0, 0.0, 1.0, 0.0];
+        let l = Mat::square(&l, 2).unwrap();
+        assert_eq!(forward(l, &mut [1.0, 1.0]), Err(LinalgError::Singular { pivot: 1 }));
+        assert_eq!(back_transposed(l, &mut [1.0; 3]), Err(LinalgError::Shape));
+        let mut nan = [f64::NAN];
+        assert_eq!(invert(&mut MatMut::square(&mut nan, 1).unwrap()), Err(LinalgError::Singular { pivot: 0 }));
+    }
+}

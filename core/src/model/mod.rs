@@ -1,4 +1,5 @@
 //! Models between the vocabulary and the filters: which combination of observations, which noise, which motion.
 
+pub mod combination;
 pub mod motion;
 pub mod noise;

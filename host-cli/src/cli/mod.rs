@@ -27,6 +27,7 @@ Exit codes:
   3  an input cannot be used; the message names the file, the place and the remedy";
 
 #[derive(Subcommand, Debug)]
+#[allow(clippy::large_enum_variant)] // there is only ever one
 enum Command {
     Post(post::Args),
     Simulate(simulate::Args),

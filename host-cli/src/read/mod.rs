@@ -15,3 +15,5 @@ pub mod rinex;
 
 pub use error::{FileKind, ReadError};
 pub use report::{ReadReport, Reason, Tally};
+
+pub mod solution;

@@ -127,7 +127,7 @@ impl KeplerEphemeris {
     /// Seconds of week of `toe` on the constellation's own time scale, as the broadcast message has it `[s]`.
     pub fn toe_seconds_of_week(&self) -> f64 {
         match self.satellite.constellation() {
-            Constellation::BeiDou => self.toe.plus_seconds(-14.0).tow(),
+            Constellation::BeiDou => self.toe.bdt().1,
             _ => self.toe.tow(),
         }
     }

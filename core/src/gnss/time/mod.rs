@@ -3,9 +3,16 @@
 //! [`GpsTime`] is a whole number of nanoseconds since 1980-01-06 00:00:00 GPST, so that comparing, sorting and
 //! differencing epochs is exact: an `f64` of seconds since 1980 would resolve only 0.24 µs, which is 70 m of range.
 //!
+//! Dates are in [`calendar`], UTC and the other systems' scales in [`scales`].
+//!
 //! Panic contract: none; arithmetic saturates at the ends of the representable range (±292 years).
 
 use core::fmt;
+
+pub mod calendar;
+pub mod scales;
+
+pub use calendar::Calendar;
 
 /// Nanoseconds in a second.
 const NS_PER_S: i64 = 1_000_000_000;

@@ -1,0 +1,85 @@
+//! Typed access to the inputs of a case, with errors that name what is missing.
+
+use serde_json::Value;
+use surefix_core::gnss::time::GpsTime;
+use thiserror::Error;
+
+/// Why a case cannot be recomputed.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum CaseError {
+    /// An input is missing or of another type.
+    #[error("input \"{key}\" is not {wanted}")]
+    Input {
+        /// Its name.
+        key: String,
+        /// What it should be.
+        wanted: &'static str,
+    },
+    /// An input cannot be what it says it is.
+    #[error("{0}")]
+    Absurd(String),
+}
+
+/// A JSON object with named inputs.
+#[derive(Clone, Copy)]
+pub struct Inputs<'a>(pub &'a Value);
+
+impl<'a> Inputs<'a> {
+    fn get<T>(&self, key: &str, wanted: &'static str, read: impl Fn(&'a Value) -> Option<T>) -> Result<T, CaseError> {
+        let missing = || CaseError::Input { key: key.to_owned(), wanted };
+        self.0.get(key).and_then(read).ok_or_else(missing)
+    }
+
+    /// A number.
+    pub fn number(&self, key: &str) -> Result<f64, CaseError> {
+        self.get(key, "a number", Value::as_f64)
+    }
+
+    /// A whole number.
+    pub fn integer(&self, key: &str) -> Result<i32, CaseError> {
+        self.get(key, "a whole number", |v| i32::try_from(v.as_i64()?).ok())
+    }
+
+    /// A string.
+    pub fn text(&self, key: &str) -> Result<&'a str, CaseError> {
+        self.get(key, "a string", Value::as_str)
+    }
+
+    /// `N` numbers.
+    pub fn numbers<const N: usize>(&self, key: &str) -> Result<[f64; N], CaseError> {
+        self.get(key, "a list of numbers of the right length", |v| numbers(v)?.try_into().ok())
+    }
+
+    /// A list of rows of `N` numbers.
+    pub fn rows<const N: usize>(&self, key: &str) -> Result<Vec<[f64; N]>, CaseError> {
+        self.get(key, "a list of rows of numbers", |v| {
+            v.as_array()?.iter().map(|row| numbers(row)?.try_into().ok()).collect()
+        })
+    }
+
+    /// A nested object.
+    pub fn object(&self, key: &str) -> Result<Inputs<'a>, CaseError> {
+        self.get(key, "an object", |v| v.is_object().then_some(Inputs(v)))
+    }
+
+    /// What [`str::parse`] makes of a string.
+    pub fn parsed<T: std::str::FromStr<Err: std::fmt::Display>>(&self, key: &str) -> Result<T, CaseError> {
+        let text = self.text(key)?;
+        text.parse().map_err(|error| CaseError::Absurd(format!("input \"{key}\" = \"{text}\": {error}")))
+    }
+
+    /// A time given as `gps_week` and `tow`.
+    pub fn time(&self) -> Result<GpsTime, CaseError> {
+        Ok(GpsTime::from_week_tow(self.integer("gps_week")?, self.number("tow")?))
+    }
+
+    /// A time given as `[week, tow]` under one key.
+    pub fn time_at(&self, key: &str) -> Result<GpsTime, CaseError> {
+        let [week, tow] = self.numbers(key)?;
+        Ok(GpsTime::from_week_tow(week as i32, tow))
+    }
+}
+
+fn numbers(value: &Value) -> Option<Vec<f64>> {
+    value.as_array()?.iter().map(Value::as_f64).collect()
+}
