@@ -5,8 +5,8 @@
 
 pub mod calendar;
 pub mod cli;
-pub mod vectors;
-pub mod read;
 pub mod compare;
 mod frame;
+pub mod read;
+pub mod vectors;
 pub mod write;

@@ -62,6 +62,11 @@ impl<'a> Inputs<'a> {
         self.get(key, "an object", |v| v.is_object().then_some(Inputs(v)))
     }
 
+    /// A list of objects.
+    pub fn objects(&self, key: &str) -> Result<Vec<Inputs<'a>>, CaseError> {
+        self.get(key, "a list of objects", |v| Some(v.as_array()?.iter().map(Inputs).collect()))
+    }
+
     /// What [`str::parse`] makes of a string.
     pub fn parsed<T: std::str::FromStr<Err: std::fmt::Display>>(&self, key: &str) -> Result<T, CaseError> {
         let text = self.text(key)?;

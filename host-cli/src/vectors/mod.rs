@@ -17,6 +17,7 @@ pub mod coordinates;
 pub mod inputs;
 pub mod orbits;
 pub mod report;
+pub mod single_point;
 pub mod time;
 
 pub use report::Report;

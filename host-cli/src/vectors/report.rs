@@ -48,6 +48,7 @@ impl Worst {
 pub struct Report {
     checks: BTreeMap<String, Check>,
     unknown: BTreeMap<String, usize>,
+    recorded: BTreeMap<String, usize>,
     unreadable: Vec<String>,
 }
 
@@ -72,6 +73,11 @@ impl Report {
     /// Counts a case of a model that this version does not know.
     pub fn unknown(&mut self, model: &str) {
         *self.unknown.entry(model.to_owned()).or_default() += 1;
+    }
+
+    /// Notes an output that the file has no inputs for; it counts neither way.
+    pub fn recorded(&mut self, check: &str) {
+        *self.recorded.entry(check.to_owned()).or_default() += 1;
     }
 
     /// Notes a case that could not be recomputed, and why.
@@ -125,6 +131,9 @@ impl fmt::Display for Report {
                 0 => writeln!(f)?,
                 failed => writeln!(f, " ({failed} of {} failed)", check.cases)?,
             }
+        }
+        for (name, cases) in &self.recorded {
+            writeln!(f, "  not checked: {name} ({cases} cases), its inputs are not in the file")?;
         }
         for (model, cases) in &self.unknown {
             writeln!(f, "  unknown model: {model} ({cases} cases) FAIL")?;
