@@ -31,5 +31,6 @@ pub mod linalg;
 pub mod log;
 pub mod model;
 pub mod real;
+pub mod rtk;
 pub mod spp;
 pub mod stats;

@@ -3,9 +3,10 @@
 //! Arrows: [`cli`] → everything; readers → core types; processing → core; writers → results. Readers and writers do not
 //! know each other.
 
-pub mod calendar;
 pub mod cli;
 pub mod compare;
+pub mod log;
+pub mod process;
 mod frame;
 pub mod read;
 pub mod vectors;

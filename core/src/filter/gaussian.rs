@@ -90,6 +90,11 @@ impl<T: Real, const N: usize> Gaussian<T, N> {
         self.row(i).get(j).copied().unwrap_or(T::ZERO)
     }
 
+    /// P as one slice with `N` entries a row, of which the first n of the first n rows are in use.
+    pub fn covariance_flat(&self) -> &[T] {
+        self.covariance.as_flattened()
+    }
+
     /// Forgets all states.
     pub fn clear(&mut self) {
         self.n = 0;

@@ -59,6 +59,8 @@ pub struct Resolution<'w, T> {
     pub nodes: u32,
     /// How the integers were found.
     pub method: Method,
+    /// Conditional variances D of the decorrelated ambiguities, in the order of bootstrapping reversed.
+    pub variances: &'w [T],
 }
 
 /// Memory for up to N ambiguities.
@@ -252,6 +254,7 @@ fn resolve_in<'w, T: Real>(
         adop: success_rate::adop(work.variances),
         nodes: fix.nodes,
         method: fix.method,
+        variances: work.variances,
     })
 }
 

@@ -5,6 +5,7 @@ use std::process::ExitCode;
 
 pub mod compare;
 pub mod demo;
+pub mod files;
 pub mod log;
 pub mod post;
 pub mod replay;

@@ -16,6 +16,7 @@ pub struct Lines {
     input: Box<dyn BufRead + Send>,
     line: Vec<u8>,
     number: u64,
+    whole: bool,
     unread: bool,
 }
 
@@ -35,7 +36,7 @@ impl Lines {
 
     /// The lines of `input`, called `file` in messages.
     pub fn new(file: &str, input: impl BufRead + Send + 'static) -> Self {
-        Self { file: file.to_owned(), input: Box::new(input), line: Vec::new(), number: 0, unread: false }
+        Self { file: file.to_owned(), input: Box::new(input), line: Vec::new(), number: 0, whole: true, unread: false }
     }
 
     /// Goes to the next line; false at the end. A damaged compressed stream counts as the end.
@@ -66,19 +67,25 @@ impl Lines {
             return Ok(Length::End);
         }
         self.number += 1;
-        let whole = self.line.last() == Some(&b'\n') || (read as u64) < LONGEST_LINE;
-        if !whole {
+        self.whole = self.line.last() == Some(&b'\n');
+        let cut = !self.whole && read as u64 == LONGEST_LINE;
+        if cut {
             self.input.skip_until(b'\n')?;
         }
         while let Some(b'\n' | b'\r') = self.line.last() {
             self.line.pop();
         }
-        Ok(if whole { Length::Whole } else { Length::Cut })
+        Ok(if cut { Length::Cut } else { Length::Whole })
     }
 
     /// The current line, without its end.
     pub fn line(&self) -> &[u8] {
         &self.line
+    }
+
+    /// Whether the current line was ended by LF: the last line of a file may not be, and may be cut off.
+    pub fn is_whole(&self) -> bool {
+        self.whole
     }
 
     /// Number of the current line, from 1.

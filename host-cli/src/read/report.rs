@@ -36,6 +36,8 @@ pub enum Reason {
     Truncated,
     /// The compressed stream ends early or is damaged; what came before is kept.
     CompressionDamaged,
+    /// Line of compact RINEX that cannot be expanded, or that builds on such a line.
+    CompactUnreadable,
     /// Line longer than any RINEX line; its end was ignored.
     LineTooLong,
     /// Navigation message of a constellation that is not supported (SBAS, NavIC).
@@ -66,6 +68,7 @@ impl Reason {
             Self::CycleSlipRecord => "cycle slip records",
             Self::Truncated => "records cut off by the end of the file",
             Self::CompressionDamaged => "damaged compressed stream",
+            Self::CompactUnreadable => "lines of compact RINEX that cannot be expanded",
             Self::LineTooLong => "overlong lines",
             Self::MessageUnsupported => "messages of SBAS or NavIC satellites",
             Self::MessageUnreadable => "unreadable messages",

@@ -57,6 +57,39 @@ impl<'a> Inputs<'a> {
         })
     }
 
+    /// Numbers, however many.
+    pub fn list(&self, key: &str) -> Result<Vec<f64>, CaseError> {
+        self.get(key, "a list of numbers", numbers)
+    }
+
+    /// `n` numbers.
+    pub fn list_of(&self, key: &str, n: usize) -> Result<Vec<f64>, CaseError> {
+        self.get(key, "a list of numbers of the right length", |v| numbers(v).filter(|list| list.len() == n))
+    }
+
+    /// A matrix: rows, columns, and its entries row by row.
+    pub fn matrix(&self, key: &str) -> Result<(usize, usize, Vec<f64>), CaseError> {
+        self.get(key, "a list of equally long rows of numbers", |v| {
+            let rows: Vec<Vec<f64>> = v.as_array()?.iter().map(numbers).collect::<Option<_>>()?;
+            let cols = rows.first().map_or(0, Vec::len);
+            let equal = rows.iter().all(|row| row.len() == cols);
+            equal.then(|| (rows.len(), cols, rows.concat()))
+        })
+    }
+
+    /// A square matrix: its dimension, and its entries row by row.
+    pub fn square(&self, key: &str) -> Result<(usize, Vec<f64>), CaseError> {
+        let n = self.get(key, "a matrix", Value::as_array)?.len();
+        Ok((n, self.square_of(key, n)?))
+    }
+
+    /// The entries of an n × n matrix, row by row.
+    pub fn square_of(&self, key: &str, n: usize) -> Result<Vec<f64>, CaseError> {
+        let (rows, cols, entries) = self.matrix(key)?;
+        let wrong = || CaseError::Input { key: key.to_owned(), wanted: "a square matrix of the right size" };
+        if (rows, cols) == (n, n) { Ok(entries) } else { Err(wrong()) }
+    }
+
     /// A nested object.
     pub fn object(&self, key: &str) -> Result<Inputs<'a>, CaseError> {
         self.get(key, "an object", |v| v.is_object().then_some(Inputs(v)))

@@ -15,6 +15,8 @@ pub mod case;
 pub mod combinations;
 pub mod coordinates;
 pub mod inputs;
+pub mod integer;
+pub mod kalman;
 pub mod orbits;
 pub mod report;
 pub mod single_point;
@@ -31,7 +33,14 @@ struct Format {
 }
 
 /// Every kind of vector file that can be run, tried in this order.
-const FORMATS: &[Format] = &[Format { recognises: case::recognises, run: case::run }];
+const FORMATS: &[Format] = &[
+    Format { recognises: case::recognises, run: case::run },
+    Format { recognises: integer::decorrelation::recognises, run: integer::decorrelation::run },
+    Format { recognises: integer::least_squares::recognises, run: integer::least_squares::run },
+    Format { recognises: integer::bootstrapping::recognises, run: integer::bootstrapping::run },
+    Format { recognises: integer::success_rates::recognises, run: integer::success_rates::run },
+    Format { recognises: kalman::recognises, run: kalman::run },
+];
 
 /// A vector file, read.
 pub struct Source {

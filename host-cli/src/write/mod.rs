@@ -2,4 +2,7 @@
 
 pub mod csv;
 pub mod pos;
+mod rinex_header;
+pub mod rinex_navigation;
+pub mod rinex_observation;
 pub mod summary;

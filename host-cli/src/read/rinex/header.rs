@@ -1,7 +1,8 @@
 //! The header of a RINEX file: what kind of file it is, and what an observation file says of station and columns.
 
+use super::compact::ExpandedLines;
 use super::observation_types::Layout;
-use crate::calendar::TimeScale;
+use super::time_scale::TimeScale;
 use crate::read::field::{columns, integer, real, scientific, text};
 use crate::read::lines::Lines;
 use crate::read::{FileKind, ReadError, ReadReport};
@@ -151,8 +152,9 @@ struct Continued {
 }
 
 impl ObservationHeader {
-    /// Reads on from the first line to END OF HEADER.
-    pub(super) fn read(lines: &mut Lines, first: FirstLine, report: &mut ReadReport) -> Result<Self, ReadError> {
+    /// Reads from the first line, which is current, to END OF HEADER.
+    pub(super) fn read(expanded: &mut ExpandedLines, report: &mut ReadReport) -> Result<Self, ReadError> {
+        let first = first_line(expanded.header_lines(), FileKind::Observation)?;
         let system = if first.system == b' ' { b'G' } else { first.system };
         let mut header = Self {
             version: first.version,
@@ -176,6 +178,7 @@ impl ObservationHeader {
             continued: Continued::default(),
         };
         loop {
+            let lines = expanded.header_lines();
             if !lines.advance(report)? {
                 return Err(unfinished(lines));
             }
@@ -183,11 +186,12 @@ impl ObservationHeader {
                 break;
             }
             header.apply(lines.line());
+            expanded.observe_header();
         }
         if header.layouts.iter().all(|layout| layout.signals.is_empty()) {
             return Err(ReadError::Header {
-                file: lines.file().to_owned(),
-                line: lines.number(),
+                file: expanded.header_lines().file().to_owned(),
+                line: expanded.number(),
                 problem: "the header declares no observation types of GPS, Galileo, BeiDou, QZSS or GLONASS".to_owned(),
                 remedy: "add the SYS / # / OBS TYPES (RINEX 3) or # / TYPES OF OBSERV (RINEX 2) lines, \
                          or write the file again",

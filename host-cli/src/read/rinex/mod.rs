@@ -5,11 +5,14 @@
 //! Observations are streamed: memory is bounded by one epoch. Fields are read from bytes in fixed columns, so that
 //! damaged or non-UTF-8 bytes cost the value they hit and nothing else.
 
+mod compact;
 mod header;
 mod navigation;
 mod observation;
 mod observation_types;
+mod time_scale;
 
 pub use header::{ObservationHeader, Version};
-pub use navigation::{Klobuchar, NavigationData};
+pub use navigation::NavigationData;
 pub use observation::{ObservationEpoch, ObservationReader};
+pub use time_scale::TimeScale;

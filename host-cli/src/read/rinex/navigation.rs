@@ -5,25 +5,18 @@
 //! because the week fields of files count differently and disagree around a change of week.
 
 use super::header::{FirstLine, first_line, label, unfinished};
-use crate::calendar::{DateTime, GPST_MINUS_BDT_S, TimeScale, leap_seconds};
-use crate::read::field::{columns, decimal, integer, scientific};
+use super::time_scale::TimeScale;
+use crate::read::field::{columns, integer, scientific};
 use crate::read::lines::Lines;
 use crate::read::{FileKind, ReadError, ReadReport, Reason};
 use std::io::BufRead;
 use std::ops::RangeInclusive;
 use std::path::Path;
+use surefix_core::gnss::atmosphere::Klobuchar;
 use surefix_core::gnss::ephemeris::{Ephemeris, GlonassEphemeris, KeplerEphemeris, NavigationMessage};
 use surefix_core::gnss::satellite::{Constellation, SatelliteId};
+use surefix_core::gnss::time::scales::GPST_MINUS_BDT;
 use surefix_core::gnss::time::{GpsTime, SECONDS_PER_WEEK};
-
-/// Broadcast ionosphere of GPS, BeiDou or QZSS.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Klobuchar {
-    /// Amplitude of the vertical delay, `α_n` `[s/semicircle^n]`.
-    pub alpha: [f64; 4],
-    /// Period, `β_n` `[s/semicircle^n]`.
-    pub beta: [f64; 4],
-}
 
 /// What navigation files say.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -50,7 +43,8 @@ const VALUE: usize = 19;
 /// A record as numbers.
 struct Record {
     satellite: SatelliteId,
-    date: DateTime,
+    /// Date of the first line.
+    time: GpsTime,
     /// The three of the first line, then four a line; NaN where blank.
     values: [f64; VALUES],
 }
@@ -107,7 +101,7 @@ impl NavigationData {
         }
         let first = first_line(&lines, FileKind::Navigation)?;
         let mut data = Self::default();
-        data.read_header(&mut lines, &mut report)?;
+        data.read_header(&mut lines, first, &mut report)?;
         let mut more = lines.advance(&mut report)?;
         while more {
             if lines.line().trim_ascii().is_empty() {
@@ -127,7 +121,7 @@ impl NavigationData {
         Ok(data)
     }
 
-    fn read_header(&mut self, lines: &mut Lines, report: &mut ReadReport) -> Result<(), ReadError> {
+    fn read_header(&mut self, lines: &mut Lines, first: FirstLine, report: &mut ReadReport) -> Result<(), ReadError> {
         let mut alpha = [None; 5];
         let mut beta = [None; 5];
         while lines.advance(report)? {
@@ -149,7 +143,12 @@ impl NavigationData {
                     ([b'Q', b'Z', b'S', part], values) => set(Constellation::Qzss, *part, values),
                     _ => {}
                 },
-                b"LEAP SECONDS" => self.leap_seconds = integer(columns(line, 0, 6)),
+                b"LEAP SECONDS" => {
+                    // BeiDou's count begins in 2006, where GPST − UTC was 14 s.
+                    let beidou = columns(line, 24, 27) == b"BDS" || first.system == b'C';
+                    let since_1980 = if beidou { GPST_MINUS_BDT as i32 } else { 0 };
+                    self.leap_seconds = integer(columns(line, 0, 6)).map(|seconds| seconds + since_1980);
+                }
                 b"END OF HEADER" => {
                     let both = |i: usize| Some(Klobuchar { alpha: alpha[i]?, beta: beta[i]? });
                     self.klobuchar = [0, 1, 2, 3, 4].map(both);
@@ -187,8 +186,8 @@ fn read_message(
         }
         orbit_lines += 1;
     };
-    let message = start.and_then(|(satellite, date)| {
-        let record = Record { satellite, date, values };
+    let message = start.and_then(|(satellite, time)| {
+        let record = Record { satellite, time, values };
         let needed = if satellite.constellation() == Constellation::Glonass { 3 } else { 7 };
         match readable {
             _ if orbit_lines < needed && ended => Err(Reason::Truncated),
@@ -200,7 +199,7 @@ fn read_message(
 }
 
 /// Satellite and date of the first line of a record.
-fn read_start(line: &[u8], first: FirstLine) -> Result<(SatelliteId, DateTime), Reason> {
+fn read_start(line: &[u8], first: FirstLine) -> Result<(SatelliteId, GpsTime), Reason> {
     let version_2 = first.version.major == 2;
     let (letter, number, year, date, seconds) = if version_2 {
         let letter = match first.file_type {
@@ -221,18 +220,12 @@ fn read_start(line: &[u8], first: FirstLine) -> Result<(SatelliteId, DateTime), 
     let read = || {
         let constellation = Constellation::from_letter(letter as char)?;
         let satellite = SatelliteId::new(constellation, u8::try_from(integer(number)?).ok()?)?;
-        let part = |i: usize| integer(columns(date, 3 * i, 3 * i + 3));
-        let year = match integer(year)? {
-            year if !version_2 => year,
-            year if year < 80 => 2000 + year,
-            year => 1900 + year,
+        let scale = match constellation {
+            Constellation::BeiDou => TimeScale::BeiDou,
+            Constellation::Glonass => TimeScale::Utc,
+            _ => TimeScale::Gps,
         };
-        let (seconds, decimals) = decimal(seconds)?;
-        let nanosecond = seconds.checked_mul(10_i64.pow(9_u32.checked_sub(decimals)?))?;
-        Some((
-            satellite,
-            DateTime { year, month: part(0)?, day: part(1)?, hour: part(2)?, minute: part(3)?, nanosecond },
-        ))
+        Some((satellite, scale.time(year, date, seconds)?))
     };
     read().ok_or(Reason::MessageUnreadable)
 }
@@ -270,11 +263,6 @@ impl Record {
         if self.values[..20].iter().any(|value| value.is_nan()) {
             return Err(Reason::MessageUnreadable);
         }
-        let scale = match self.satellite.constellation() {
-            Constellation::BeiDou => TimeScale::BeiDou,
-            _ => TimeScale::Gps,
-        };
-        let toc = self.date.to_gps(scale).ok_or(Reason::MessageUnreadable)?;
         let [
             af0,
             af1,
@@ -310,8 +298,8 @@ impl Record {
             satellite: self.satellite,
             message,
             iode: iode as u16,
-            toe: near(toc, toe, scale),
-            toc,
+            toe: near(self.time, toe, self.satellite.constellation()),
+            toc: self.time,
             sqrt_a,
             e,
             m0,
@@ -342,7 +330,7 @@ impl Record {
         if [0, 1, 3, 4, 5, 7, 8, 9, 11, 12, 13].into_iter().any(|i: usize| self.values[i].is_nan()) {
             return Err(Reason::MessageUnreadable);
         }
-        let toe = self.date.to_gps(TimeScale::Utc).ok_or(Reason::MessageUnreadable)?;
+        let toe = self.time;
         let metres = |first: usize| [0, 4, 8].map(|i| self.values[first + i] * 1e3);
         let (position, velocity, acceleration) = (metres(3), metres(4), metres(5));
         let norm = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
@@ -355,9 +343,8 @@ impl Record {
         if !plausible {
             return Err(Reason::MessageAbsurd);
         }
-        // tb counts quarters of an hour of the Moscow day, UTC + 3 h.
-        let moscow = toe.plus_seconds((3 * 3600 - leap_seconds(toe)) as f64);
-        let iode = (moscow.tow() % 86_400.0 / 900.0 + 0.5) as u16;
+        // tb counts quarters of an hour of the Moscow day.
+        let iode = (toe.glonass().seconds / 900.0).round() as u16;
         Ok(Ephemeris::Glonass(GlonassEphemeris {
             satellite: self.satellite,
             iode,
@@ -395,11 +382,13 @@ fn galileo_message(data_source: u16) -> NavigationMessage {
     }
 }
 
-/// The time with second of week `tow` of `scale` that is nearest to `time`.
-fn near(time: GpsTime, tow: f64, scale: TimeScale) -> GpsTime {
-    let offset = if scale == TimeScale::BeiDou { GPST_MINUS_BDT_S as f64 } else { 0.0 };
-    let own = time.plus_seconds(-offset);
-    let candidate = GpsTime::from_week_tow(own.week(), tow + offset);
-    let week = SECONDS_PER_WEEK as f64;
-    candidate.plus_seconds(week * (time.since(candidate) / week).round())
+/// The time nearest to `time` with second of week `tow` on the scale of a constellation.
+fn near(time: GpsTime, tow: f64, constellation: Constellation) -> GpsTime {
+    let of_week = |week: i32| match constellation {
+        Constellation::BeiDou => GpsTime::from_bdt(week, tow),
+        _ => GpsTime::from_week_tow(week, tow),
+    };
+    let week = if constellation == Constellation::BeiDou { time.bdt().0 } else { time.week() };
+    let distance = |candidate: &GpsTime| (candidate.nanoseconds() - time.nanoseconds()).abs();
+    [of_week(week - 1), of_week(week), of_week(week + 1)].into_iter().min_by_key(distance).unwrap_or(time)
 }

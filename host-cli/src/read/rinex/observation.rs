@@ -10,12 +10,12 @@
 //! * Values are taken as recorded: SYS / SCALE FACTOR is divided out; phase shifts (SYS / PHASE SHIFT) and receiver
 //!   clock offsets (RCV CLOCK OFFS APPL) are in them or not as the writer decided.
 
-use super::header::{ObservationHeader, first_line};
+use super::compact::ExpandedLines;
+use super::header::ObservationHeader;
 use super::observation_types::{Column, Quantity};
-use crate::calendar::DateTime;
-use crate::read::field::{columns, decimal, integer, real};
+use crate::read::field::{columns, integer, real};
 use crate::read::lines::Lines;
-use crate::read::{FileKind, ReadError, ReadReport, Reason};
+use crate::read::{ReadError, ReadReport, Reason};
 use std::io::BufRead;
 use std::ops::RangeInclusive;
 use std::path::Path;
@@ -67,7 +67,7 @@ impl ObservationEpoch {
 /// # }
 /// ```
 pub struct ObservationReader {
-    lines: Lines,
+    lines: ExpandedLines,
     header: ObservationHeader,
     report: ReadReport,
     latest: Option<GpsTime>,
@@ -106,8 +106,8 @@ impl ObservationReader {
         if !lines.advance(&mut report)? {
             return Err(ReadError::Empty { file: lines.file().to_owned() });
         }
-        let first = first_line(&lines, FileKind::Observation)?;
-        let header = ObservationHeader::read(&mut lines, first, &mut report)?;
+        let mut lines = ExpandedLines::new(lines, &mut report)?;
+        let header = ObservationHeader::read(&mut lines, &mut report)?;
         Ok(Self {
             lines,
             header,
@@ -191,14 +191,15 @@ impl ObservationReader {
         if !self.is_epoch_line() {
             return None;
         }
-        let (date, flag, count, clock) = if self.is_rinex_2() {
-            (columns(line, 0, 26), columns(line, 28, 29), columns(line, 29, 32), columns(line, 68, 80))
+        let at = |start: usize, end: usize| columns(line, start, end);
+        let scale = self.header.time_scale;
+        let (time, flag, count, clock) = if self.is_rinex_2() {
+            (scale.time(at(1, 3), at(3, 15), at(15, 26)), at(28, 29), at(29, 32), at(68, 80))
         } else {
-            (columns(line, 2, 29), columns(line, 31, 32), columns(line, 32, 35), columns(line, 41, 56))
+            (scale.time(at(2, 6), at(6, 18), at(18, 29)), at(31, 32), at(32, 35), at(41, 56))
         };
         let flag = integer(flag).map_or(0, |flag| flag as u8);
         let count = usize::try_from(integer(count)?).ok()?;
-        let time = self.time(date);
         if time.is_none() && !(2..=5).contains(&flag) {
             return None;
         }
@@ -216,21 +217,6 @@ impl ObservationReader {
         let dated = line.get(18) == Some(&b'.') && matches!(flag, b'0'..=b'6' | b' ');
         let undated_event = matches!(flag, b'2'..=b'5') && columns(line, 0, 26).trim_ascii().is_empty();
         (dated || undated_event) && [0, 3, 6, 9, 12, 26, 27].into_iter().all(blank)
-    }
-
-    /// A date `Y M D h m s` in columns of an epoch line: a year of two digits in RINEX 2, of four in RINEX 3.
-    fn time(&self, date: &[u8]) -> Option<GpsTime> {
-        let (year, rest) = if self.is_rinex_2() {
-            let year = integer(columns(date, 1, 3))?;
-            (if year < 80 { 2000 + year } else { 1900 + year }, columns(date, 3, 26))
-        } else {
-            (integer(columns(date, 0, 4))?, columns(date, 4, 27))
-        };
-        let part = |i: usize| integer(columns(rest, 3 * i, 3 * i + 3));
-        let (seconds, decimals) = decimal(columns(rest, 12, 23))?;
-        let nanosecond = seconds.checked_mul(10_i64.pow(9_u32.checked_sub(decimals)?))?;
-        DateTime { year, month: part(0)?, day: part(1)?, hour: part(2)?, minute: part(3)?, nanosecond }
-            .to_gps(self.header.time_scale)
     }
 
     /// Reads the records of `count` satellites. `None` if the file ends before the first is complete.

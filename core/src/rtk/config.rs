@@ -1,0 +1,168 @@
+//! What an [`RtkFilter`](super::RtkFilter) can be told. The defaults are meant to be right for every case; only the
+//! band plan has to follow the receivers.
+
+use crate::gnss::satellite::Constellation;
+use crate::model::motion::Motion;
+use crate::model::noise::Noise;
+
+/// Most bands of one constellation that take part.
+pub const MAX_BANDS: usize = 3;
+
+/// Which carriers take part: for each constellation up to [`MAX_BANDS`] RINEX band digits in order of preference as
+/// first, second and third band; 0 where there is none.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct BandPlan {
+    bands: [[u8; MAX_BANDS]; 5],
+}
+
+impl BandPlan {
+    /// No carrier at all.
+    pub const EMPTY: Self = Self { bands: [[0; MAX_BANDS]; 5] };
+
+    /// L1 alone: GPS L1, Galileo E1, BeiDou B1I, QZSS L1, GLONASS G1 (float).
+    pub const L1: Self = Self { bands: [*b"1\0\0", *b"1\0\0", *b"2\0\0", *b"1\0\0", *b"1\0\0"] };
+
+    /// Two bands: GPS L1 L2, Galileo E1 E5a, BeiDou B1I B3I, QZSS L1 L2, GLONASS G1 G2 (float).
+    pub const L1L2: Self = Self { bands: [*b"12\0", *b"15\0", *b"26\0", *b"12\0", *b"12\0"] };
+
+    /// Three bands: GPS L1 L2 L5, Galileo E1 E5a E5b, BeiDou B1I B3I B2I/B2b, QZSS L1 L2 L5, GLONASS G1 G2 (float).
+    pub const L1L2L5: Self = Self { bands: [*b"125", *b"157", *b"267", *b"125", *b"12\0"] };
+
+    /// This plan with other bands (RINEX digits, at most [`MAX_BANDS`]; others are ignored) for one constellation.
+    pub fn with(mut self, constellation: Constellation, digits: &[u8]) -> Self {
+        let bands = &mut self.bands[constellation.index()];
+        *bands = [0; MAX_BANDS];
+        for (band, &digit) in bands.iter_mut().zip(digits.iter().filter(|digit| digit.is_ascii_digit())) {
+            *band = digit;
+        }
+        self
+    }
+
+    /// The bands of a constellation.
+    pub fn bands(&self, constellation: Constellation) -> impl Iterator<Item = u8> + '_ {
+        self.bands[constellation.index()].iter().copied().filter(|&digit| digit != 0)
+    }
+
+    /// Position of a band in its constellation's list.
+    pub fn slot(&self, constellation: Constellation, band: u8) -> Option<usize> {
+        self.bands(constellation).position(|digit| digit == band)
+    }
+}
+
+/// When integers are believed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default, deny_unknown_fields))]
+pub struct Acceptance {
+    /// Least bootstrapped success rate of the fixed set.
+    pub success_rate: f64,
+    /// Least ratio of the squared norms of second-best and best integers.
+    pub ratio: f64,
+    /// Least ratio where the integers agree with those accepted before and no slip intervened.
+    pub ratio_confirmed: f64,
+    /// Least number of ambiguities in a fixed set.
+    pub min_ambiguities: usize,
+    /// Satellites below this elevation `[rad]` are not fixed.
+    pub elevation_mask: f64,
+    /// Epochs of continuous lock before an ambiguity is fixed.
+    pub min_lock: u32,
+}
+
+impl Default for Acceptance {
+    fn default() -> Self {
+        Self {
+            success_rate: 0.995,
+            ratio: 2.5,
+            ratio_confirmed: 1.5,
+            min_ambiguities: 4,
+            elevation_mask: 15f64 * core::f64::consts::PI / 180.0,
+            min_lock: 1,
+        }
+    }
+}
+
+/// Slip detection and outlier rejection.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default, deny_unknown_fields))]
+pub struct Screening {
+    /// Normalised innovation beyond which an observation is an outlier.
+    pub outlier: f64,
+    /// Estimated jump of a phase `[cycles]` beyond which an outlier is a cycle slip.
+    pub slip: f64,
+    /// Jump of the geometry-free combination between epochs beyond which both bands slipped `[m]`.
+    pub geometry_free: f64,
+    /// Standard deviation of an ambiguity after a slip, and of a new one `[cycles]`.
+    pub sigma_slip: f64,
+    /// Random walk of an ambiguity that did not slip `[cycles/√s]`.
+    pub sigma_stay: f64,
+    /// Gap in a signal's observations beyond which it may have slipped `[s]` (or 1.5 epochs, if that is longer).
+    pub max_gap: f64,
+    /// Gap after which its ambiguity is forgotten `[s]`.
+    pub forget: f64,
+}
+
+impl Default for Screening {
+    fn default() -> Self {
+        Self {
+            outlier: 4.0,
+            slip: 0.4,
+            geometry_free: 0.05,
+            sigma_slip: 100.0,
+            sigma_stay: 1e-3,
+            max_gap: 5.0,
+            forget: 120.0,
+        }
+    }
+}
+
+/// Configuration of an [`RtkFilter`](super::RtkFilter).
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default, deny_unknown_fields))]
+pub struct RtkConfig {
+    /// Which carriers.
+    pub bands: BandPlan,
+    /// How the rover moves.
+    pub motion: Motion,
+    /// Power spectral density of the motion's white noise, horizontal: `[m²/s³]` (velocity model) or `[m²/s⁵]`.
+    pub motion_noise: f64,
+    /// Satellites below this elevation are not used `[rad]`.
+    pub elevation_mask: f64,
+    /// Satellites with a C/N0 below this are not used `[dB-Hz]`.
+    pub cn0_mask: f32,
+    /// Noise of one code observation.
+    pub code: Noise,
+    /// Correlation time of code noise, mostly multipath `[s]`: a code that was used a moment ago brings little news.
+    pub code_correlation: f64,
+    /// Noise of one carrier-phase observation.
+    pub phase: Noise,
+    /// Noise of one Doppler observation as range rate, at the zenith `[m/s]`.
+    pub doppler: f64,
+    /// Decorrelation of the atmosphere, per kilometre of baseline: standard deviation of a phase at the zenith `[m/km]`.
+    pub atmosphere: f64,
+    /// Greatest age of base data `[s]`.
+    pub max_age: f64,
+    /// When integers are believed.
+    pub acceptance: Acceptance,
+    /// Slips and outliers.
+    pub screening: Screening,
+}
+
+impl Default for RtkConfig {
+    fn default() -> Self {
+        Self {
+            bands: BandPlan::L1L2,
+            motion: Motion::Velocity,
+            motion_noise: 4.0,
+            elevation_mask: 10f64 * core::f64::consts::PI / 180.0,
+            cn0_mask: 0.0,
+            code: Noise { constant: 0.3, elevation: 0.3 },
+            code_correlation: 20.0,
+            phase: Noise { constant: 0.002, elevation: 0.002 },
+            doppler: 0.1,
+            atmosphere: 5e-4,
+            max_age: 30.0,
+            acceptance: Acceptance::default(),
+            screening: Screening::default(),
+        }
+    }
+}

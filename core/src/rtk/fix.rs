@@ -1,0 +1,227 @@
+//! Integers: which ambiguities may be fixed, whether the result is believed, and the constrained density.
+//!
+//! The integer vector ň minimises (n̂ − n)ᵀ Q⁻¹ (n̂ − n) over the candidates; it is accepted if the bootstrapped success
+//! rate *and* the ratio of the two best norms reach their thresholds ([`super::config::Acceptance`]). If the whole set
+//! is not accepted, the weakest satellites are taken out one after the other, and the first set that is accepted is
+//! used (partial fixing). The constrained density is the relaxed one given the accepted integers, and only those.
+
+use super::RtkFilter;
+use super::channel::GROUPS;
+use crate::gnss::solution::{Quality, Reason, Solution};
+use crate::gnss::time::GpsTime;
+use crate::integer::condition::condition_on_integers;
+use crate::integer::{self, Config, Method, Workspace};
+use crate::linalg::{Mat, MatMut};
+use heapless::Vec;
+use nalgebra::{Matrix3, Vector3};
+
+/// Most subsets tried in one epoch.
+const MAX_SUBSETS: usize = 10;
+/// States of the constrained density: position and velocity.
+const KINEMATIC: usize = 6;
+
+/// Workspace of the integer step for up to `C` ambiguities.
+pub(super) struct Integers<const C: usize> {
+    workspace: Workspace<f64, C>,
+    /// Channels that may be fixed, the most trusted first.
+    candidates: Vec<u8, C>,
+    states: Vec<usize, C>,
+    float: [f64; C],
+    values: [f64; C],
+    residual: [f64; C],
+    covariance: [[f64; C]; C],
+    cross: [[f64; KINEMATIC]; C],
+}
+
+impl<const C: usize> Integers<C> {
+    pub const fn new() -> Self {
+        Self {
+            workspace: Workspace::new(),
+            candidates: Vec::new(),
+            states: Vec::new(),
+            float: [0.0; C],
+            values: [0.0; C],
+            residual: [0.0; C],
+            covariance: [[0.0; C]; C],
+            cross: [[0.0; KINEMATIC]; C],
+        }
+    }
+}
+
+impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
+    /// Fixes what can be fixed and reports the constrained density, or why it could not.
+    pub(super) fn fix(&mut self, solution: &mut Solution) {
+        self.choose_references(solution.time);
+        self.choose_candidates(solution.time);
+        let whole = self.integers.candidates.len();
+        solution.ambiguities = whole.min(255) as u8;
+        let least = self.config.acceptance.min_ambiguities.max(1);
+        for subset in 0..MAX_SUBSETS {
+            if self.integers.candidates.len() < least {
+                break;
+            }
+            if self.try_set(solution, subset == 0) {
+                solution.quality = if subset == 0 { Quality::Fixed } else { Quality::Partial };
+                solution.reason = if subset == 0 { Reason::Complete } else { Reason::SubsetOnly };
+                return;
+            }
+            // The least trusted eighth goes, at least one.
+            let keep = self.integers.candidates.len() - (self.integers.candidates.len() / 8).max(1);
+            self.integers.candidates.truncate(keep);
+        }
+        for channel in self.channels.as_mut_slice() {
+            channel.fixed = None;
+        }
+    }
+
+    /// Each group is to be referred to a channel that was seen in this epoch and is whole.
+    fn choose_references(&mut self, time: GpsTime) {
+        let mask = libm::sin(self.config.acceptance.elevation_mask);
+        for group in 0..GROUPS {
+            let Some(reference) = self.channels.reference(group) else { continue };
+            let channels = self.channels.as_slice();
+            let serves = |channel: &super::channel::Channel| {
+                channel.last_seen == time && channel.is_integer() && channel.sin_elevation >= mask
+            };
+            if channels.get(reference).is_some_and(serves) {
+                continue;
+            }
+            if let Some(heir) = self.channels.best_reference(group, |_, channel| serves(channel)) {
+                self.channels.make_reference(&mut self.density, heir);
+            }
+        }
+    }
+
+    /// Channels that may be fixed: seen, whole, high and locked, referred to a channel that is as well.
+    fn choose_candidates(&mut self, time: GpsTime) {
+        let acceptance = self.config.acceptance;
+        let mask = libm::sin(acceptance.elevation_mask);
+        let channels = self.channels.as_slice();
+        let serves = |channel: &super::channel::Channel| {
+            channel.last_seen == time
+                && channel.is_integer()
+                && channel.sin_elevation >= mask
+                && channel.lock >= acceptance.min_lock
+        };
+        self.integers.candidates.clear();
+        for (i, channel) in channels.iter().enumerate() {
+            let reference_serves =
+                self.channels.reference(channel.group()).and_then(|r| channels.get(r)).is_some_and(serves);
+            if channel.state.is_some() && serves(channel) && reference_serves {
+                // Capacity is that of the channels, of which there are at most 255.
+                let _ = self.integers.candidates.push(i as u8);
+            }
+        }
+        self.integers.candidates.sort_unstable_by(|&a, &b| {
+            let elevation = |i: u8| channels.get(usize::from(i)).map_or(0.0, |channel| channel.sin_elevation);
+            elevation(b).total_cmp(&elevation(a)).then(a.cmp(&b))
+        });
+    }
+
+    /// Tries to fix the current candidates. On success the solution holds the constrained density.
+    fn try_set(&mut self, solution: &mut Solution, first: bool) -> bool {
+        let acceptance = self.config.acceptance;
+        let work = &mut self.integers;
+        let m = work.candidates.len();
+        work.states.clear();
+        for &i in &work.candidates {
+            let state = self.channels.as_slice().get(usize::from(i)).and_then(|channel| channel.state);
+            let Some(state) = state else { return false };
+            let _ = work.states.push(state);
+        }
+        for (i, &state) in work.states.iter().enumerate() {
+            work.float[i] = self.density.mean().get(state).copied().unwrap_or(0.0);
+            for (j, &other) in work.states.iter().enumerate() {
+                work.covariance[i][j] = self.density.covariance(state, other);
+            }
+        }
+        let flat = work.covariance.as_flattened();
+        let Ok(q) = Mat::new(flat, m, m, C) else { return false };
+        let resolution = match integer::resolve(&work.float[..m], q, &Config::default(), &mut work.workspace) {
+            Ok(resolution) => resolution,
+            Err(_) => {
+                solution.reason = Reason::Inconsistent;
+                return false;
+            }
+        };
+        let confirmed = work.candidates.iter().zip(resolution.best).all(|(&i, &n)| {
+            self.channels.as_slice().get(usize::from(i)).and_then(|channel| channel.fixed) == Some(n as f64)
+        });
+        // The distance of the floats from the integers is χ² with m degrees of freedom. Where it is larger, the floats
+        // are worse than their covariance says, and so is the success rate.
+        let factor = (resolution.best_norm / m as f64).max(1.0);
+        work.residual[..m].copy_from_slice(resolution.variances);
+        for variance in &mut work.residual[..m] {
+            *variance *= factor;
+        }
+        let success_rate = integer::success_rate::bootstrapped(&work.residual[..m]).success;
+        if first || success_rate > solution.success_rate {
+            solution.ratio = resolution.ratio;
+            solution.success_rate = success_rate;
+        }
+        let threshold = if confirmed { acceptance.ratio_confirmed } else { acceptance.ratio };
+        let refused = if success_rate < acceptance.success_rate {
+            Some(Reason::SuccessRateLow)
+        } else if resolution.method == Method::Bootstrapped {
+            Some(Reason::SearchBudget)
+        } else if resolution.ratio < threshold {
+            Some(Reason::RatioLow)
+        } else {
+            None
+        };
+        if let Some(reason) = refused {
+            solution.reason = reason;
+            return false;
+        }
+        for (value, &n) in work.values.iter_mut().zip(resolution.best) {
+            *value = n as f64;
+        }
+        solution.ratio = resolution.ratio;
+        solution.success_rate = success_rate;
+        self.constrain(solution)
+    }
+
+    /// The constrained density: position and velocity given the values of the current candidates.
+    fn constrain(&mut self, solution: &mut Solution) -> bool {
+        let work = &mut self.integers;
+        let m = work.candidates.len();
+        let kinematic = if self.config.motion.order() > 1 { KINEMATIC } else { 3 };
+        let states = [0, 1, 2, 3, 4, 5];
+        let (mut mean, mut covariance) = ([0.0; KINEMATIC], [[0.0; KINEMATIC]; KINEMATIC]);
+        let n = self.density.dim();
+        let conditioned = (|| {
+            condition_on_integers(
+                self.density.mean(),
+                Mat::new(self.density.covariance_flat(), n, n, N)?,
+                &states[..kinematic],
+                &work.states,
+                &work.values[..m],
+                &mut MatMut::new(work.covariance.as_flattened_mut(), m, m, C)?,
+                &mut MatMut::new(work.cross.as_flattened_mut(), m, kinematic, KINEMATIC)?,
+                &mut work.residual[..m],
+                &mut mean[..kinematic],
+                &mut MatMut::new(covariance.as_flattened_mut(), kinematic, kinematic, KINEMATIC)?,
+            )
+        })();
+        if conditioned.is_err() {
+            solution.reason = Reason::Inconsistent;
+            return false;
+        }
+        solution.position = self.position + Vector3::new(mean[0], mean[1], mean[2]);
+        solution.position_covariance = Matrix3::from_fn(|i, j| covariance[i][j]);
+        if kinematic > 3 {
+            solution.velocity = Vector3::new(mean[3], mean[4], mean[5]);
+            solution.velocity_covariance = Matrix3::from_fn(|i, j| covariance[3 + i][3 + j]);
+        }
+        solution.ambiguities_fixed = m.min(255) as u8;
+        for channel in self.channels.as_mut_slice() {
+            channel.fixed = channel.state.is_none().then_some(0.0);
+        }
+        for (&i, &value) in work.candidates.iter().zip(&work.values) {
+            if let Some(channel) = self.channels.as_mut_slice().get_mut(usize::from(i)) {
+                channel.fixed = Some(value);
+            }
+        }
+        true
+    }
+}

@@ -1,0 +1,150 @@
+//! From the raw observations of rover and base to single differences: selection of signals, residuals, noise.
+//!
+//! Residuals are observed minus computed, in metres, with
+//!
+//! ```text
+//! code:   P  − (ρ − c·dtˢ + T)      phase: λφ − (ρ − c·dtˢ + T)      Doppler: −λD − (e·vˢ − c·ḋtˢ)
+//! ```
+//!
+//! ρ the light-time range, dtˢ the broadcast clock at transmission and T the tropospheric delay (Saastamoinen); the
+//! ionosphere cancels on the baselines this is for, and its residual is part of the noise. Each station is computed at
+//! its own time of reception, so that base data of any age may be used.
+//!
+//! Panic contract: none. What cannot be computed is left out.
+
+use super::channel::{GROUPS, group};
+use super::config::BandPlan;
+use crate::gnss::SPEED_OF_LIGHT;
+use crate::gnss::atmosphere::{Mapping, StandardAtmosphere, ZenithDelay};
+use crate::gnss::ephemeris::Ephemeris;
+use crate::gnss::epoch::Observation;
+use crate::gnss::geodesy::{Geodetic, line_of_sight};
+use crate::gnss::satellite::{Constellation, SatelliteId};
+use crate::gnss::signal::Signal;
+use crate::gnss::time::GpsTime;
+use heapless::Vec;
+use nalgebra::Vector3;
+
+/// A single difference, rover minus base, of one signal.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Link {
+    pub satellite: SatelliteId,
+    pub slot: usize,
+    pub signals: [Signal; 2],
+    pub wavelength: f64,
+    /// Unit vector from rover to satellite, ECEF.
+    pub direction: Vector3<f64>,
+    pub sin_elevation: f64,
+    /// Code residual `[m]`.
+    pub code: Option<f64>,
+    pub code_variance: f64,
+    /// Phase residual `[m]`, whole cycles included.
+    pub phase: Option<f64>,
+    pub phase_variance: f64,
+    /// Rover range rate residual for a rover at rest `[m/s]`.
+    pub doppler: Option<f64>,
+    pub doppler_variance: f64,
+    /// Either receiver reported a loss of lock.
+    pub loss_of_lock: bool,
+    /// Either receiver reported an unresolved half cycle.
+    pub half_cycle: bool,
+    /// Its channel, once it has one.
+    pub channel: Option<usize>,
+    /// The code contradicts the rest and is not used.
+    pub code_rejected: bool,
+    /// The phase contradicts the rest and is not used.
+    pub phase_rejected: bool,
+    /// A cycle slip since the channel's last epoch is possible or was found.
+    pub slipped: bool,
+    /// The prior of the slipped ambiguity has been widened.
+    pub reopened: bool,
+}
+
+/// Order of preference of attributes within a band: civil code first, on GPS L2 the P(Y) code that all satellites send.
+fn rank(constellation: Constellation, signal: Signal) -> usize {
+    let order: &[u8] = match (constellation, signal.band()) {
+        (Constellation::Gps, b'2') => b"WPYCLSXMND",
+        _ => b"CWPQIXLSDBAZYMN",
+    };
+    order.iter().position(|&attribute| attribute == signal.attribute()).unwrap_or(order.len())
+}
+
+/// Keeps one observation for each satellite and band of the plan: that with the attribute `preferred` for its group if
+/// there is one, else the first in order of preference; a phase before none. Returns how many found no room.
+pub(super) fn select<const C: usize>(
+    observations: &[Observation],
+    plan: &BandPlan,
+    preferred: &[u8; GROUPS],
+    chosen: &mut Vec<Observation, C>,
+) -> usize {
+    chosen.clear();
+    let mut overflow = 0;
+    for observation in observations {
+        let constellation = observation.satellite.constellation();
+        let band = observation.signal.band();
+        let Some(slot) = plan.slot(constellation, band) else { continue };
+        if observation.code.is_none() && observation.phase.is_none() {
+            continue;
+        }
+        let merit = |o: &Observation| {
+            let wanted = preferred[group(constellation, slot)];
+            (o.phase.is_none(), o.signal.attribute() != wanted, rank(constellation, o.signal))
+        };
+        match chosen.iter_mut().find(|o| o.satellite == observation.satellite && o.signal.band() == band) {
+            Some(other) if merit(observation) < merit(other) => *other = *observation,
+            Some(_) => {}
+            None => overflow += usize::from(chosen.push(*observation).is_err()),
+        }
+    }
+    overflow
+}
+
+/// One satellite as seen from one station.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sight {
+    /// Unit vector from station to satellite, ECEF of reception.
+    pub direction: Vector3<f64>,
+    pub sin_elevation: f64,
+    /// Computed range ρ − c·dtˢ + T `[m]`.
+    pub computed: f64,
+    /// Computed range rate for a station at rest, e·vˢ − c·ḋtˢ `[m/s]`.
+    pub computed_rate: f64,
+}
+
+/// Relative humidity assumed for the wet delay.
+const HUMIDITY: f64 = 0.7;
+
+/// A receiver at a place and time, with what all its satellites share.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Station {
+    time: GpsTime,
+    position: Vector3<f64>,
+    geodetic: Geodetic,
+    up: Vector3<f64>,
+    zenith: ZenithDelay,
+    day_of_year: f64,
+}
+
+impl Station {
+    pub fn new(time: GpsTime, position: Vector3<f64>) -> Self {
+        let geodetic = Geodetic::from_ecef(&position);
+        let zenith = StandardAtmosphere::at_height(geodetic.height, HUMIDITY).zenith_delay(&geodetic);
+        let up = geodetic.enu_rotation().row(2).transpose();
+        Self { time, position, geodetic, up, zenith, day_of_year: time.day_of_year() }
+    }
+
+    /// How this station sees the satellite of `ephemeris`, which sent the signal whose code is `pseudorange` `[m]`.
+    pub fn sight(&self, ephemeris: &Ephemeris, pseudorange: f64) -> Option<Sight> {
+        let state = ephemeris.state_at_transmission(self.time, pseudorange).ok()?;
+        let line = line_of_sight(&self.position, &state.position);
+        let sin_elevation = line.direction.dot(&self.up);
+        let elevation = libm::asin(sin_elevation.clamp(-1.0, 1.0));
+        let troposphere = Mapping::Niell.slant(self.zenith, self.day_of_year, &self.geodetic, elevation)?;
+        Some(Sight {
+            direction: line.direction,
+            sin_elevation,
+            computed: line.range - SPEED_OF_LIGHT * state.clock + troposphere,
+            computed_rate: line.direction.dot(&line.rotate(&state.velocity)) - SPEED_OF_LIGHT * state.clock_drift,
+        })
+    }
+}

@@ -1,0 +1,460 @@
+//! The real-time kinematic engine: push epochs of base and rover, get a [`Solution`].
+//!
+//! Two densities (Greiff 2021, Algorithm 1). The *relaxed* density holds position, velocity (and acceleration) of the
+//! rover and the double-difference ambiguities as real numbers, and lives on from epoch to epoch. The *constrained*
+//! density is the relaxed one given those integers that were accepted in this epoch; it is what a fixed solution
+//! reports, and it never flows back. So a wrong fix lasts for an epoch, not for a drive.
+//!
+//! ```text
+//! push_base ──► latest base epoch ─┐
+//! push_rover ─► single point ──────┴► links ─► predict ─► births, deaths, slips ─► screen ─► update ─► integers ─► Solution
+//! ```
+//!
+//! * [`config`]: what can be told; [`RtkConfig::default`] is meant for every case.
+//! * `link`: single differences, observed minus computed.
+//! * `channel`: which ambiguity sits where; exact change of reference.
+//! * `track`: births, deaths, slips, outliers.
+//! * `fix`: integers and the constrained density.
+//!
+//! Frames: ECEF; metres, metres per second; ambiguities in cycles, reference minus satellite.
+//!
+//! Panic contract: none, on any epoch. Work per epoch: O(rows · n²) for the update with n states, plus a bounded integer
+//! search. All state and workspace is inside [`RtkFilter`], which suits a `static`; the stack use does not depend on its
+//! capacity.
+
+mod channel;
+pub mod config;
+mod fix;
+mod link;
+mod track;
+
+pub use config::RtkConfig;
+
+use crate::filter::common_term::CommonTerm;
+use crate::filter::gaussian::Gaussian;
+use crate::filter::screen::Row;
+use crate::gnss::atmosphere::Klobuchar;
+use crate::gnss::ephemeris::Ephemeris;
+use crate::gnss::epoch::{EpochView, Observation};
+use crate::gnss::orbit::store::{EphemerisStore, SelectionRule};
+use crate::gnss::satellite::{Constellation, SatelliteSet};
+use crate::gnss::solution::{Quality, Reason, Solution};
+use crate::gnss::time::GpsTime;
+use crate::spp::rows::Rows;
+use crate::spp::{self, SinglePoint, single_point};
+use channel::{Channels, GROUPS};
+use heapless::Vec;
+use link::{Link, Sight, Station, select};
+use nalgebra::{Matrix3, Vector3};
+
+/// Beyond this standard deviation of the predicted position `[m]` it is taken from the single point.
+const LOST_POSITION: f64 = 30.0;
+/// Standard deviation of a position taken from a single point, wide enough to carry no information `[m]`.
+const NEW_POSITION: f64 = 100.0;
+/// Standard deviation of a velocity before the first Doppler `[m/s]`.
+const NEW_VELOCITY: f64 = 50.0;
+/// Standard deviation of an acceleration before it was observed `[m/s²]`.
+const NEW_ACCELERATION: f64 = 10.0;
+/// A filter position farther than this from the single point, in its standard deviations plus [`LOST_POSITION`], is
+/// wrong.
+const DISAGREEMENT: f64 = 10.0;
+/// Variance growth of a satellite clock's prediction between base and rover epoch, per second of age `[m/s]`.
+const CLOCK_STABILITY: f64 = 1.5e-3;
+
+/// The latest base epoch.
+#[derive(Clone, Debug)]
+struct Base<const C: usize> {
+    time: Option<GpsTime>,
+    observations: Vec<Observation, C>,
+    /// A rover epoch has used it, and with it its loss-of-lock flags.
+    used: bool,
+}
+
+/// A real-time kinematic filter with room for `C` signals (of all bands), `N` states and `E` ephemerides.
+///
+/// `N` must be at least `C` + 9 and `C` at most 255; a smaller one does not compile. See the presets in this module.
+pub struct RtkFilter<const C: usize, const N: usize, const E: usize> {
+    config: RtkConfig,
+    base_position: Vector3<f64>,
+    ionosphere: Option<Klobuchar>,
+    ephemerides: EphemerisStore<E>,
+    base: Base<C>,
+    /// Attributes last used by the rover, and by the base, for each group.
+    attributes: [[u8; GROUPS]; 2],
+    /// Epoch of the relaxed density.
+    time: Option<GpsTime>,
+    /// Latest rover epoch, used or not.
+    latest: Option<GpsTime>,
+    /// Where the relaxed density is linearised; its first three states are the position error.
+    position: Vector3<f64>,
+    density: Gaussian<f64, N>,
+    channels: Channels<C>,
+    observations: Vec<Observation, C>,
+    links: Vec<Link, C>,
+    rows: Vec<Row, C>,
+    common: CommonTerm<f64, N>,
+    spp_rows: Rows<C>,
+    integers: fix::Integers<C>,
+    /// Variance factor of the codes against their configured noise, and the degrees of freedom it rests on.
+    code_factor: f64,
+    code_memory: f64,
+}
+
+impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
+    const CAPACITIES_FIT: () = assert!(N >= C + 9 && C <= 255, "N must be at least C + 9, and C at most 255");
+
+    /// A filter that has seen nothing. `base_position` is the base antenna's reference point, ECEF `[m]`.
+    pub const fn new(config: RtkConfig, base_position: Vector3<f64>) -> Self {
+        let () = Self::CAPACITIES_FIT;
+        Self {
+            config,
+            base_position,
+            ionosphere: None,
+            ephemerides: EphemerisStore::new(),
+            base: Base { time: None, observations: Vec::new(), used: false },
+            attributes: [[0; GROUPS]; 2],
+            time: None,
+            latest: None,
+            position: Vector3::new(0.0, 0.0, 0.0),
+            density: Gaussian::new(),
+            channels: Channels::new(),
+            observations: Vec::new(),
+            links: Vec::new(),
+            rows: Vec::new(),
+            common: CommonTerm::new(),
+            spp_rows: Rows::new(),
+            integers: fix::Integers::new(),
+            code_factor: 1.0,
+            code_memory: 2.0,
+        }
+    }
+
+    /// The configuration.
+    pub const fn config(&self) -> &RtkConfig {
+        &self.config
+    }
+
+    /// Takes a broadcast ephemeris.
+    pub fn push_ephemeris(&mut self, ephemeris: Ephemeris) {
+        self.ephemerides.insert(ephemeris);
+    }
+
+    /// Takes the broadcast ionosphere parameters, used for single points.
+    pub fn push_ionosphere(&mut self, ionosphere: Klobuchar) {
+        self.ionosphere = Some(ionosphere);
+    }
+
+    /// Takes an epoch of the base. One that is not later than the latest is dropped; returns whether it was taken.
+    pub fn push_base(&mut self, epoch: EpochView<'_>) -> bool {
+        if self.base.time.is_some_and(|latest| epoch.time <= latest) {
+            return false;
+        }
+        // Flags of an epoch that no rover epoch used must not be lost.
+        let mut previous = core::mem::take(&mut self.base.observations);
+        if self.base.used {
+            previous.clear();
+        }
+        let preferred = if self.time.is_some() { self.attributes[0] } else { self.attributes[1] };
+        select(epoch.observations, &self.config.bands, &preferred, &mut self.base.observations);
+        for observation in &mut self.base.observations {
+            let before = previous
+                .iter()
+                .find(|o| o.satellite == observation.satellite && o.signal.band() == observation.signal.band());
+            observation.loss_of_lock |= before.is_some_and(|o| o.loss_of_lock || o.signal != observation.signal);
+        }
+        self.base.time = Some(epoch.time);
+        self.base.used = false;
+        true
+    }
+
+    /// Takes an epoch of the rover and answers.
+    pub fn push_rover(&mut self, epoch: EpochView<'_>) -> Solution {
+        if self.latest.is_some_and(|latest| epoch.time <= latest) {
+            return Solution::none(epoch.time, Reason::OutOfOrder);
+        }
+        self.latest = Some(epoch.time);
+        select(epoch.observations, &self.config.bands, &self.attributes[0], &mut self.observations);
+        self.note_slips();
+
+        let single = self.single_point(epoch);
+        let single = single.as_ref();
+        let age = self.base.time.map(|time| epoch.time.since(time));
+        let unusable = match age {
+            None => Some(Reason::NoBase),
+            Some(age) if libm::fabs(age) > self.config.max_age => Some(Reason::BaseTooOld),
+            Some(_) => None,
+        };
+        if let Some(reason) = unusable {
+            return code_solution(epoch.time, single, reason);
+        }
+        if !self.predict(epoch.time, single) {
+            return code_solution(epoch.time, single, Reason::PositionFailed);
+        }
+        self.build_links(epoch.time);
+        if self.links.iter().filter(|link| link.code.is_some() || link.phase.is_some()).count() < 4 {
+            self.forget_position();
+            return code_solution(epoch.time, single, Reason::TooFewCommonSatellites);
+        }
+        self.base.used = true;
+        let mut solution = Solution::none(epoch.time, Reason::TooFewAmbiguities);
+        solution.age = age.unwrap_or(0.0);
+        self.track(epoch.time, &mut solution);
+        self.screen_code(&mut solution);
+        self.update();
+        self.absorb_position();
+        self.time = Some(epoch.time);
+        if !self.is_sound(single) {
+            self.restart();
+            return code_solution(epoch.time, single, Reason::Restarted);
+        }
+        self.settle(epoch.time, &mut solution);
+        self.fix(&mut solution);
+        solution
+    }
+
+    /// Forgets everything but configuration and ephemerides.
+    fn restart(&mut self) {
+        self.time = None;
+        self.density.clear();
+        self.channels.clear();
+    }
+
+    /// Without enough satellites the motion model alone would carry the position: let the next epoch start it anew.
+    fn forget_position(&mut self) {
+        if self.time.is_some() {
+            self.density.inflate(0, NEW_POSITION * NEW_POSITION);
+        }
+    }
+
+    /// The position by code alone.
+    fn single_point(&mut self, epoch: EpochView<'_>) -> Option<SinglePoint> {
+        let mut config = spp::Config { elevation_mask: self.config.elevation_mask, ..spp::Config::DEFAULT };
+        for constellation in Constellation::ALL {
+            if let Some(band) = self.config.bands.bands(constellation).next() {
+                config.bands[constellation.index()] = band;
+            }
+        }
+        let start = self.time.map(|_| self.position);
+        single_point(epoch, &self.ephemerides, self.ionosphere, &config, start, &mut self.spp_rows).ok()
+    }
+
+    /// Brings the kinematic states to the time of the epoch; false if there is no position to start from.
+    fn predict(&mut self, time: GpsTime, single: Option<&SinglePoint>) -> bool {
+        let motion = self.config.motion;
+        match self.time {
+            Some(before) => {
+                let h = time.since(before);
+                let noise = motion.process_noise(h, self.config.motion_noise);
+                self.density.propagate(motion.order(), &motion.transition(h), &[noise; 3]);
+                self.absorb_position();
+                let stay = self.config.screening.sigma_stay * self.config.screening.sigma_stay * h;
+                for channel in self.channels.as_slice() {
+                    if let Some(state) = channel.state {
+                        let per_unit = channel.wavelength / channel.unit();
+                        self.density.inflate(state, stay * per_unit * per_unit);
+                    }
+                }
+                let variance: f64 = (0..3).map(|i| self.density.covariance(i, i)).sum();
+                if variance < LOST_POSITION * LOST_POSITION {
+                    return true;
+                }
+            }
+            None => {
+                self.density.clear();
+                self.channels.clear();
+                for _ in 0..motion.states() {
+                    // The capacity is at least nine states.
+                    let _ = self.density.push(0.0, 1.0);
+                }
+            }
+        }
+        let Some(single) = single else { return false };
+        self.position = single.position;
+        for axis in 0..3 {
+            self.density.renew(axis, 0.0, NEW_POSITION * NEW_POSITION);
+            if motion.order() > 1 {
+                self.density.renew(3 + axis, 0.0, NEW_VELOCITY * NEW_VELOCITY);
+            }
+            if motion.order() > 2 {
+                self.density.renew(6 + axis, 0.0, NEW_ACCELERATION * NEW_ACCELERATION);
+            }
+        }
+        true
+    }
+
+    /// Moves the mean of the position error into the point of linearisation.
+    fn absorb_position(&mut self) {
+        if let Some(error) = self.density.mean_mut().get_mut(..3) {
+            self.position += Vector3::new(error[0], error[1], error[2]);
+            error.fill(0.0);
+        }
+    }
+
+    /// Single differences of all signals that both stations observe now.
+    fn build_links(&mut self, time: GpsTime) {
+        self.links.clear();
+        let Some(base_time) = self.base.time else { return };
+        let rover_station = Station::new(time, self.position);
+        let base_station = Station::new(base_time, self.base_position);
+        let age = time.since(base_time);
+        let kilometres = (self.position - self.base_position).norm() / 1000.0;
+        let atmosphere = self.config.atmosphere * kilometres;
+        let clock = CLOCK_STABILITY * age;
+        let mut sights: Option<(crate::gnss::satellite::SatelliteId, Option<(Sight, Sight)>)> = None;
+        // The observations are sorted by satellite here, so that each satellite is computed once.
+        self.observations.sort_unstable_by_key(|o| (o.satellite, o.signal));
+        for rover in &self.observations {
+            let id = rover.satellite;
+            let base_of = |band| self.base.observations.iter().find(|o| o.satellite == id && o.signal.band() == band);
+            let Some(base) = base_of(rover.signal.band()) else { continue };
+            let Some(ephemeris) = self.ephemerides.select(id, time, &SelectionRule::SAFE) else { continue };
+            if !ephemeris.healthy() {
+                continue;
+            }
+            let pair = match sights {
+                Some((satellite, pair)) if satellite == id => pair,
+                _ => {
+                    // Any code will do for the time of transmission; without one the satellite cannot be placed.
+                    let code = |observations: &[Observation]| {
+                        observations.iter().filter(|o| o.satellite == id).find_map(|o| o.code)
+                    };
+                    let pair = match (code(&self.observations), code(&self.base.observations)) {
+                        (Some(r), Some(b)) => rover_station.sight(ephemeris, r).zip(base_station.sight(ephemeris, b)),
+                        _ => None,
+                    };
+                    sights = Some((id, pair));
+                    pair
+                }
+            };
+            let Some((rover_sight, base_sight)) = pair else { continue };
+            let constellation = id.constellation();
+            let (Some(wavelength), Some(slot)) = (
+                rover.signal.wavelength(constellation, self.ephemerides.glonass_channel(id)),
+                self.config.bands.slot(constellation, rover.signal.band()),
+            ) else {
+                continue;
+            };
+            let sine = rover_sight.sin_elevation;
+            let low = sine < libm::sin(self.config.elevation_mask);
+            let weak = [rover, base].iter().any(|o| o.cn0.is_some_and(|cn0| cn0 < self.config.cn0_mask));
+            if low || weak {
+                continue;
+            }
+            let common = atmosphere * atmosphere / (sine * sine).max(0.0025) + clock * clock;
+            let fdma = if constellation == Constellation::Glonass { 25.0 } else { 1.0 };
+            let of =
+                |observation: &Observation, noise: &crate::model::noise::Noise| noise.variance(sine, observation.cn0);
+            let computed = rover_sight.computed - base_sight.computed;
+            let doppler = rover.doppler.map(|d| -wavelength * d - rover_sight.computed_rate);
+            let link = Link {
+                satellite: id,
+                slot,
+                signals: [rover.signal, base.signal],
+                wavelength,
+                direction: rover_sight.direction,
+                sin_elevation: sine,
+                code: rover.code.zip(base.code).map(|(r, b)| r - b - computed),
+                code_variance: fdma * (of(rover, &self.config.code) + of(base, &self.config.code)) + common,
+                phase: rover.phase.zip(base.phase).map(|(r, b)| wavelength * (r - b) - computed),
+                phase_variance: of(rover, &self.config.phase) + of(base, &self.config.phase) + common,
+                doppler,
+                doppler_variance: self.config.doppler * self.config.doppler / (sine * sine),
+                loss_of_lock: rover.loss_of_lock || base.loss_of_lock,
+                half_cycle: rover.half_cycle || base.half_cycle,
+                channel: None,
+                code_rejected: false,
+                phase_rejected: false,
+                slipped: false,
+                reopened: false,
+            };
+            let group = channel::group(constellation, slot);
+            self.attributes[0][group] = rover.signal.attribute();
+            self.attributes[1][group] = base.signal.attribute();
+            // Capacity is that of the observations.
+            let _ = self.links.push(link);
+        }
+        // The best first: the first row of a group defines its common term.
+        self.links.sort_unstable_by(|a, b| b.sin_elevation.total_cmp(&a.sin_elevation).then(a.slot.cmp(&b.slot)));
+    }
+
+    /// Updates the relaxed density with all that was not rejected: Doppler, phase, code.
+    fn update(&mut self) {
+        if self.config.motion.order() > 1 {
+            self.common.reset();
+            let mut done = SatelliteSet::EMPTY;
+            for link in &self.links {
+                let Some(rate) = link.doppler.filter(|_| done.insert(link.satellite)) else { continue };
+                let e = link.direction;
+                let entries = [(3, -e.x), (4, -e.y), (5, -e.z)];
+                // A row that the density cannot take is left out; its variance was computed, so this is not expected.
+                let _ = self.common.update(&mut self.density, &entries, rate, link.doppler_variance);
+            }
+        }
+        for group in 0..GROUPS {
+            self.common.reset();
+            for link in self.links.iter().filter(|link| !link.phase_rejected) {
+                let Some(channel) = link.channel.and_then(|i| self.channels.as_slice().get(i)) else { continue };
+                let (Some(phase), true) = (link.phase, channel.group() == group) else { continue };
+                let e = link.direction;
+                let y = phase - channel.wavelength * channel.offset;
+                let position = [(0, -e.x), (1, -e.y), (2, -e.z)];
+                let _ = match channel.state {
+                    Some(state) => {
+                        let [x, y_, z] = position;
+                        let entries = [x, y_, z, (state, -channel.unit())];
+                        self.common.update(&mut self.density, &entries, y, link.phase_variance)
+                    }
+                    None => self.common.update(&mut self.density, &position, y, link.phase_variance),
+                };
+            }
+            self.common.reset();
+            for link in self.links.iter().filter(|link| !link.code_rejected) {
+                let (Some(code), true) =
+                    (link.code, channel::group(link.satellite.constellation(), link.slot) == group)
+                else {
+                    continue;
+                };
+                let e = link.direction;
+                let entries = [(0, -e.x), (1, -e.y), (2, -e.z)];
+                let _ = self.common.update(&mut self.density, &entries, code, link.code_variance);
+            }
+        }
+    }
+
+    /// Whether the density is still one, and agrees with the single point.
+    fn is_sound(&self, single: Option<&SinglePoint>) -> bool {
+        let agrees = single.is_none_or(|single| {
+            let sigma = libm::sqrt(single.covariance.trace().max(0.0));
+            (self.position - single.position).norm() < DISAGREEMENT * sigma + LOST_POSITION
+        });
+        self.density.is_sound() && self.position.iter().all(|x| x.is_finite()) && agrees
+    }
+
+    /// Position and velocity of the relaxed density.
+    fn report_relaxed(&self, solution: &mut Solution) {
+        solution.quality = Quality::Float;
+        solution.position = self.position;
+        solution.position_covariance = Matrix3::from_fn(|i, j| self.density.covariance(i, j));
+        if self.config.motion.order() > 1 {
+            solution.velocity = Vector3::from_fn(|i, _| self.density.mean().get(3 + i).copied().unwrap_or(0.0));
+            solution.velocity_covariance = Matrix3::from_fn(|i, j| self.density.covariance(3 + i, 3 + j));
+        }
+    }
+}
+
+/// The answer where only a single point is to be had, or nothing.
+fn code_solution(time: GpsTime, single: Option<&SinglePoint>, reason: Reason) -> Solution {
+    let mut solution = Solution::none(time, reason);
+    if let Some(single) = single {
+        solution.quality = Quality::Code;
+        solution.position = single.position;
+        solution.position_covariance = single.covariance;
+        if let Some(velocity) = &single.velocity {
+            solution.velocity = velocity.velocity;
+            solution.velocity_covariance = velocity.covariance;
+        }
+        solution.satellites_used = single.used;
+        solution.satellites_rejected = single.rejected;
+    }
+    solution
+}

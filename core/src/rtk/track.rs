@@ -1,0 +1,309 @@
+//! Keeping track of the channels: births, deaths, cycle slips and outliers.
+//!
+//! A slip is suspected when a receiver says so, after a gap, when a signal pair changes, when the geometry-free
+//! combination of two bands jumps, when the phase contradicts its own Doppler, or when it contradicts the other phases
+//! ([`crate::filter::screen`]). It changes the *prior* of the ambiguity: its variance grows by σ_slip² and its mean
+//! moves to where the code puts it, while everything else that the filter knows stays (Greiff 2021, eqs. 32-33). If the
+//! reference of a group slipped, another channel first becomes the reference, which is exact.
+
+use super::RtkFilter;
+use super::channel::{Channel, GROUPS};
+use crate::filter::screen::{Row, Screened, screen};
+use crate::gnss::solution::Solution;
+use crate::gnss::time::GpsTime;
+use nalgebra::Matrix3;
+
+/// Degrees of freedom that the estimate of the code noise remembers.
+const CODE_MEMORY: f64 = 300.0;
+
+impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
+    /// Remembers losses of lock of rover signals, whether or not this epoch will use them.
+    pub(super) fn note_slips(&mut self) {
+        for channel in self.channels.as_mut_slice() {
+            let signal = channel.signals[0];
+            let observation =
+                self.observations.iter().find(|o| o.satellite == channel.satellite && o.signal.band() == signal.band());
+            channel.slip_pending |= observation.is_some_and(|o| o.loss_of_lock);
+        }
+    }
+
+    /// Matches links and channels, deals with slips and outliers of the phase, and lets new ambiguities be born.
+    pub(super) fn track(&mut self, time: GpsTime, solution: &mut Solution) {
+        self.forget_old(time);
+        for link in &mut self.links {
+            link.channel = self.channels.find(link.satellite, link.slot).filter(|_| link.phase.is_some());
+        }
+        self.suspect(time);
+        self.check_geometry_free();
+        self.reopen();
+        self.screen_phase(solution);
+        self.reopen();
+        for link in self.links.iter().filter(|link| link.slipped) {
+            solution.satellites_slipped.insert(link.satellite);
+        }
+        self.welcome(time);
+    }
+
+    fn forget_old(&mut self, time: GpsTime) {
+        let forget = self.config.screening.forget;
+        while let Some(old) = self.channels.as_slice().iter().position(|channel| time.since(channel.last_seen) > forget)
+        {
+            self.channels.remove(&mut self.density, old);
+        }
+    }
+
+    /// Slips that the receivers report, or that a gap makes possible.
+    fn suspect(&mut self, time: GpsTime) {
+        let step = self.time.map_or(0.0, |before| time.since(before));
+        let max_gap = self.config.screening.max_gap.max(1.5 * step);
+        for link in &mut self.links {
+            let Some(channel) = link.channel.and_then(|i| self.channels.as_slice().get(i)) else { continue };
+            link.slipped = link.loss_of_lock
+                || channel.slip_pending
+                || channel.half_cycle != link.half_cycle
+                || channel.signals != link.signals
+                || time.since(channel.last_seen) > max_gap;
+        }
+    }
+
+    /// Two bands of a satellite whose difference jumped between consecutive epochs: either may have slipped.
+    fn check_geometry_free(&mut self) {
+        let Some(before) = self.time else { return };
+        let limit = self.config.screening.geometry_free;
+        for i in 0..self.links.len() {
+            for j in 0..i {
+                if self.links[i].satellite != self.links[j].satellite {
+                    continue;
+                }
+                let change = |k: usize| {
+                    let link = &self.links[k];
+                    let channel = self.channels.as_slice().get(link.channel?)?;
+                    (channel.last_seen == before && !link.slipped).then_some(())?;
+                    Some(link.phase? - channel.wavelength * channel.offset - channel.phase)
+                };
+                if let (Some(a), Some(b)) = (change(i), change(j))
+                    && libm::fabs(a - b) > limit
+                {
+                    self.links[i].slipped = true;
+                    self.links[j].slipped = true;
+                }
+            }
+        }
+    }
+
+    /// Marks the phases that contradict the others: as slips where the error is that large, else as outliers.
+    fn screen_phase(&mut self, solution: &mut Solution) {
+        self.rows.clear();
+        for link in &self.links {
+            let channel = link.channel.and_then(|i| self.channels.as_slice().get(i));
+            let settled = channel.filter(|channel| channel.lock > 0 && !link.slipped);
+            let innovation = settled.zip(link.phase).map(|(channel, phase)| {
+                phase - channel.wavelength * channel.offset + channel.unit() * self.ambiguity(channel)
+            });
+            let row = Row {
+                gradient: -link.direction,
+                group: settled.map_or(0, Channel::group),
+                innovation: innovation.unwrap_or(0.0),
+                // The float ambiguity carries the noise of the epochs before.
+                variance: 2.0 * link.phase_variance,
+                excluded: innovation.is_none(),
+                error: 0.0,
+            };
+            // Capacity is that of the links.
+            let _ = self.rows.push(row);
+        }
+        let examined = self.rows.iter().filter(|row| !row.excluded).count();
+        let information = self.position_information();
+        let outcome = screen(&mut self.rows, &information, self.config.screening.outlier);
+        // If most contradict each other there is no telling who is right.
+        let hopeless = 2 * outcome.outliers > examined;
+        for (link, row) in self.links.iter_mut().zip(&self.rows).filter(|(_, row)| row.error != 0.0 || hopeless) {
+            if hopeless || libm::fabs(row.error) > self.config.screening.slip * link.wavelength {
+                link.slipped = link.channel.is_some();
+            } else {
+                link.phase_rejected = true;
+                solution.satellites_rejected.insert(link.satellite);
+            }
+        }
+    }
+
+    /// Marks the codes that contradict the others.
+    pub(super) fn screen_code(&mut self, solution: &mut Solution) {
+        let step = solution.time.since(self.time.unwrap_or(solution.time));
+        let correlation = 2.0 * self.config.code_correlation;
+        self.rows.clear();
+        for link in &self.links {
+            let _ = self.rows.push(Row {
+                gradient: -link.direction,
+                group: super::channel::group(link.satellite.constellation(), link.slot),
+                innovation: link.code.unwrap_or(0.0),
+                variance: link.code_variance,
+                excluded: link.code.is_none(),
+                error: 0.0,
+            });
+        }
+        let information = self.position_information();
+        let outcome = screen(&mut self.rows, &information, self.config.screening.outlier);
+        self.learn_code_noise(outcome);
+        for (link, _) in self.links.iter_mut().zip(&self.rows).filter(|(_, row)| row.error != 0.0) {
+            link.code_rejected = true;
+            solution.satellites_rejected.insert(link.satellite);
+        }
+        // Correlated noise: after the first use of a code, information accrues at 1/2τ and not once an epoch.
+        for link in &mut self.links {
+            let channel = link.channel.and_then(|i| self.channels.as_slice().get(i));
+            link.code_variance *= self.code_factor.max(1.0);
+            if step > 0.0 && channel.is_some_and(|channel| channel.lock > 0) {
+                link.code_variance *= (correlation / step).max(1.0);
+            }
+        }
+    }
+
+    /// How much noisier the codes are than configured, from their own residuals: a running mean of the variance factor.
+    fn learn_code_noise(&mut self, outcome: Screened) {
+        if outcome.degrees_of_freedom == 0 {
+            return;
+        }
+        let dof = outcome.degrees_of_freedom as f64;
+        let factor = outcome.chi_square / dof;
+        // The first epochs count by their degrees of freedom, later ones by the memory.
+        self.code_memory = (self.code_memory + dof).min(CODE_MEMORY);
+        self.code_factor += (factor - self.code_factor) * dof / self.code_memory;
+    }
+
+    /// Inverse of the covariance of the predicted position.
+    fn position_information(&self) -> Matrix3<f64> {
+        let covariance: Matrix3<f64> = Matrix3::from_fn(|i, j| self.density.covariance(i, j));
+        covariance.try_inverse().unwrap_or_else(Matrix3::zeros)
+    }
+
+    /// The float ambiguity of a channel, in units of its state.
+    pub(super) fn ambiguity(&self, channel: &Channel) -> f64 {
+        channel.state.and_then(|state| self.density.mean().get(state)).copied().unwrap_or(0.0)
+    }
+
+    /// Phase minus code of a link, in metres, less `offset` cycles.
+    fn phase_minus_code(&self, index: usize, offset: f64) -> Option<f64> {
+        let link = self.links.get(index)?;
+        Some(link.phase? - link.code? - link.wavelength * offset)
+    }
+
+    /// Phase minus code of the reference of a group, in metres: from all settled channels of the group if there are
+    /// any, else from the reference itself.
+    fn reference_phase_minus_code(&self, group: usize) -> Option<f64> {
+        let (mut sum, mut count, mut reference) = (0.0, 0.0, None);
+        for (index, link) in self.links.iter().enumerate() {
+            let Some(channel) = link.channel.and_then(|i| self.channels.as_slice().get(i)) else { continue };
+            if channel.group() != group {
+                continue;
+            }
+            let Some(b) = self.phase_minus_code(index, channel.offset) else { continue };
+            if channel.state.is_none() {
+                reference = Some(b);
+            }
+            if channel.lock > 0 && !link.slipped {
+                sum += b + channel.unit() * self.ambiguity(channel);
+                count += 1.0;
+            }
+        }
+        if count > 0.0 { Some(sum / count) } else { reference }
+    }
+
+    /// Widens the prior of every slipped channel that has not been dealt with.
+    fn reopen(&mut self) {
+        let sigma = self.config.screening.sigma_slip;
+        for group in 0..GROUPS {
+            let slipped = |index: usize| {
+                self.links.iter().any(|link| link.channel == Some(index) && link.slipped && !link.reopened)
+            };
+            let Some(reference) = self.channels.reference(group) else { continue };
+            if slipped(reference)
+                && let Some(heir) = self.channels.best_reference(group, |i, channel| !slipped(i) && channel.lock > 0)
+            {
+                self.channels.make_reference(&mut self.density, heir);
+            }
+            let anchor = self.reference_phase_minus_code(group);
+            for index in 0..self.links.len() {
+                let link = &self.links[index];
+                let Some(i) = link.channel.filter(|_| link.slipped && !link.reopened) else { continue };
+                let Some(&channel) = self.channels.as_slice().get(i).filter(|channel| channel.group() == group) else {
+                    continue;
+                };
+                if let Some(state) = channel.state {
+                    let variance = sigma * channel.wavelength / channel.unit();
+                    self.density.inflate(state, variance * variance);
+                    if let (Some(anchor), Some(b)) = (anchor, self.phase_minus_code(index, channel.offset)) {
+                        // The jump that the code suggests, in whole cycles where the ambiguity is whole.
+                        let jump = (anchor - b) / channel.unit() - self.ambiguity(&channel);
+                        let jump = if channel.is_integer() { libm::round(jump) } else { jump };
+                        if let Some(mean) = self.density.mean_mut().get_mut(state) {
+                            *mean += jump;
+                        }
+                    }
+                }
+                let link = &mut self.links[index];
+                link.reopened = true;
+                let signals = link.signals;
+                let half_cycle = link.half_cycle;
+                let channel = &mut self.channels.as_mut_slice()[i];
+                channel.lock = 0;
+                channel.fixed = None;
+                channel.slip_pending = false;
+                channel.signals = signals;
+                channel.half_cycle = half_cycle;
+            }
+        }
+    }
+
+    /// Births: a channel for every link with a phase that has none.
+    fn welcome(&mut self, time: GpsTime) {
+        for index in 0..self.links.len() {
+            let link = self.links[index];
+            let (None, Some(_)) = (link.channel, link.phase) else { continue };
+            let mut channel = Channel {
+                satellite: link.satellite,
+                slot: link.slot,
+                signals: link.signals,
+                wavelength: link.wavelength,
+                offset: 0.0,
+                state: None,
+                last_seen: time,
+                lock: 0,
+                slip_pending: false,
+                half_cycle: link.half_cycle,
+                sin_elevation: link.sin_elevation,
+                phase: 0.0,
+                fixed: None,
+            };
+            // Without a code there is nothing to start from; the phase waits for one.
+            let Some(b) = self.phase_minus_code(index, 0.0) else { continue };
+            let anchor = self.reference_phase_minus_code(channel.group()).unwrap_or(0.0);
+            channel.offset = libm::round((b - anchor) / channel.wavelength);
+            let mean = (anchor - (b - channel.wavelength * channel.offset)) / channel.unit();
+            let sigma = self.config.screening.sigma_slip * channel.wavelength / channel.unit();
+            // A channel without room is not tracked: its code still serves.
+            self.links[index].channel = self.channels.add(&mut self.density, channel, mean, sigma * sigma).ok();
+        }
+    }
+
+    /// After the update: what the channels remember of this epoch, and who took part.
+    pub(super) fn settle(&mut self, time: GpsTime, solution: &mut Solution) {
+        for link in &self.links {
+            if link.code.is_some() && !link.code_rejected {
+                solution.satellites_used.insert(link.satellite);
+            }
+            let (Some(phase), Some(i)) = (link.phase, link.channel) else { continue };
+            let Some(channel) = self.channels.as_mut_slice().get_mut(i) else { continue };
+            channel.last_seen = time;
+            channel.slip_pending = false;
+            channel.half_cycle = link.half_cycle;
+            channel.sin_elevation = link.sin_elevation;
+            channel.phase = phase - channel.wavelength * channel.offset;
+            if !link.phase_rejected {
+                channel.lock = channel.lock.saturating_add(1);
+                solution.satellites_used.insert(link.satellite);
+            }
+        }
+        self.report_relaxed(solution);
+    }
+}

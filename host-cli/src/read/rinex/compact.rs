@@ -1,0 +1,391 @@
+//! Compact RINEX 1.0 and 3.0 (CRINEX) back into the lines of RINEX 2 and 3.
+//!
+//! Y. Hatanaka, *A Compression Format and Tools for GNSS Observation Data*, Bulletin of the GSI 55 (2008). The header
+//! is plain. An epoch is: its epoch line, as characters that differ from the one before (blank: same, `&`: blank);
+//! the receiver clock offset; a line a satellite. In these, values are integers (thousandths; the last decimal for
+//! the clock), differenced to a growing order up to that which `order&value` announces at the start of an arc:
+//! with u⁰ₖ the value at epoch k, uᵐₖ = uᵐ⁻¹ₖ − uᵐ⁻¹ₖ₋₁; an empty field ends the arc. The values are followed by the
+//! flags, two a value, again as characters that differ. In CRINEX 1.0 an empty field also blanks its flags, which is
+//! in no description but in what RNX2CRX 4.0.8 writes.
+//!
+//! A damaged line cannot be repaired, since later ones build on it: its satellite is left out and counted until its
+//! flags and arcs start afresh, and after a damaged epoch line everything is, until the next one that is complete.
+
+use crate::read::field::{columns, integer};
+use crate::read::lines::Lines;
+use crate::read::{ReadError, ReadReport, Reason};
+use std::collections::VecDeque;
+use std::io::Write;
+
+/// Highest order of differences; the format's programs use 3.
+const HIGHEST_ORDER: usize = 9;
+/// Largest number of columns that we accept in an epoch line: 999 satellites.
+const LONGEST_EPOCH: usize = 41 + 3 * 999;
+
+/// Lines of an observation file, expanded if it is compact.
+pub struct ExpandedLines {
+    lines: Lines,
+    expander: Option<Expander>,
+    unread: bool,
+}
+
+impl ExpandedLines {
+    /// Begins with the first line of `lines`, which is current. If it says that the file is compact, goes on to the
+    /// first line of RINEX.
+    pub fn new(mut lines: Lines, report: &mut ReadReport) -> Result<Self, ReadError> {
+        let line = lines.line();
+        let expander = if columns(line, 60, 80).trim_ascii() == b"CRINEX VERS   / TYPE" {
+            let version_3 = match columns(line, 0, 3) {
+                b"1.0" => false,
+                b"3.0" => true,
+                other => {
+                    let version = format!("CRINEX {}", String::from_utf8_lossy(other).trim());
+                    return Err(ReadError::Version { file: lines.file().to_owned(), version });
+                }
+            };
+            for _ in 0..2 {
+                if !lines.advance(report)? {
+                    return Err(super::header::unfinished(&lines));
+                }
+            }
+            Some(Expander::new(version_3))
+        } else {
+            None
+        };
+        Ok(Self { lines, expander, unread: false })
+    }
+
+    /// The lines as they are in the file; for the header, which is never compact.
+    pub fn header_lines(&mut self) -> &mut Lines {
+        &mut self.lines
+    }
+
+    /// Tells a header line to the expander, which needs the numbers of observation types.
+    pub fn observe_header(&mut self) {
+        if let Some(expander) = &mut self.expander {
+            expander.observe_header(self.lines.line());
+        }
+    }
+
+    /// As [`Lines::advance`].
+    pub fn advance(&mut self, report: &mut ReadReport) -> Result<bool, ReadError> {
+        if std::mem::take(&mut self.unread) {
+            return Ok(true);
+        }
+        match &mut self.expander {
+            Some(expander) => expander.advance(&mut self.lines, report),
+            None => self.lines.advance(report),
+        }
+    }
+
+    /// As [`Lines::line`].
+    pub fn line(&self) -> &[u8] {
+        match &self.expander {
+            Some(expander) => &expander.line,
+            None => self.lines.line(),
+        }
+    }
+
+    /// As [`Lines::number`]; of the line of the compact file.
+    pub fn number(&self) -> u64 {
+        self.lines.number()
+    }
+
+    /// As [`Lines::unread`].
+    pub fn unread(&mut self) {
+        self.unread = true;
+    }
+}
+
+/// What must be known of the epochs before.
+struct Expander {
+    version_3: bool,
+    /// Number of observation types by letter of the satellite system; by any letter in RINEX 2.
+    types: [usize; 256],
+    /// The last epoch line; empty if there is none to build on.
+    epoch: Vec<u8>,
+    clock: Option<Arc>,
+    satellites: Vec<Satellite>,
+    /// Expanded lines to come.
+    queue: VecDeque<Vec<u8>>,
+    /// The current expanded line.
+    line: Vec<u8>,
+    /// Event lines to come, which are not compact.
+    verbatim: usize,
+}
+
+/// The differences of a value, u⁰ … uᵐ.
+#[derive(Clone, Copy)]
+struct Arc {
+    order: usize,
+    highest: usize,
+    differences: [i64; HIGHEST_ORDER + 1],
+}
+
+#[derive(Clone)]
+struct Satellite {
+    name: [u8; 3],
+    arcs: Vec<Option<Arc>>,
+    flags: Vec<u8>,
+    /// A line of it was damaged: nothing more can be said until it is forgotten.
+    lost: bool,
+}
+
+/// The text cannot be expanded.
+struct Damaged;
+
+impl Expander {
+    fn new(version_3: bool) -> Self {
+        Self {
+            version_3,
+            types: [0; 256],
+            epoch: Vec::new(),
+            clock: None,
+            satellites: Vec::new(),
+            queue: VecDeque::new(),
+            line: Vec::new(),
+            verbatim: 0,
+        }
+    }
+
+    fn observe_header(&mut self, line: &[u8]) {
+        let count = |start, end| integer(columns(line, start, end)).and_then(|count| usize::try_from(count).ok());
+        match columns(line, 60, 80).trim_ascii() {
+            b"# / TYPES OF OBSERV" => {
+                if let Some(count) = count(0, 6) {
+                    self.types = [count; 256];
+                }
+            }
+            b"SYS / # / OBS TYPES" => {
+                if let (Some(&letter @ b'A'..=b'Z'), Some(count)) = (line.first(), count(3, 6)) {
+                    self.types[usize::from(letter)] = count;
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// Columns of the flag, the number of satellites and their list in an epoch line.
+    fn epoch_columns(&self) -> (usize, usize, usize) {
+        if self.version_3 { (31, 32, 41) } else { (28, 29, 32) }
+    }
+
+    fn advance(&mut self, lines: &mut Lines, report: &mut ReadReport) -> Result<bool, ReadError> {
+        while self.queue.is_empty() {
+            if !lines.advance(report)? {
+                return Ok(false);
+            }
+            if self.verbatim > 0 {
+                self.verbatim -= 1;
+                self.observe_header(lines.line());
+                self.queue.push_back(lines.line().to_vec());
+            } else {
+                self.expand_epoch(lines, report)?;
+            }
+        }
+        self.line = self.queue.pop_front().unwrap_or_default();
+        Ok(true)
+    }
+
+    /// Expands the epoch that begins at the current line.
+    fn expand_epoch(&mut self, lines: &mut Lines, report: &mut ReadReport) -> Result<(), ReadError> {
+        let (flag_column, count_column, list_column) = self.epoch_columns();
+        let complete = lines.line().first() == Some(if self.version_3 { &b'>' } else { &b'&' });
+        if complete {
+            self.epoch.clear();
+            self.satellites.clear();
+            self.clock = None;
+        }
+        let readable = complete || !self.epoch.is_empty();
+        differ(&mut self.epoch, lines.line());
+        if complete && !self.version_3 {
+            self.epoch[0] = b' ';
+        }
+        self.epoch.truncate(LONGEST_EPOCH);
+        let flag = self.epoch.get(flag_column).copied();
+        let count = integer(columns(&self.epoch, count_column, count_column + 3)).and_then(|n| usize::try_from(n).ok());
+        let (true, Some(flag), Some(count)) = (readable, flag, count) else {
+            report.drop_one(Reason::CompactUnreadable, lines.number());
+            self.epoch.clear();
+            return Ok(());
+        };
+        if matches!(flag, b'2'..=b'6') {
+            // Events are not compact: their lines follow as they are, and the next epoch line is complete.
+            self.queue.push_back(columns(&self.epoch, 0, list_column).to_vec());
+            self.verbatim = match flag {
+                b'6' if !self.version_3 => count * self.types[0].div_ceil(5),
+                _ => count,
+            };
+            self.epoch.clear();
+            return Ok(());
+        }
+        if self.epoch.len() < list_column + 3 * count {
+            report.drop_one(Reason::CompactUnreadable, lines.number());
+            self.epoch.clear();
+            return Ok(());
+        }
+        let names: Vec<[u8; 3]> =
+            self.epoch[list_column..].chunks_exact(3).take(count).map(|n| [n[0], n[1], n[2]]).collect();
+        if !lines.advance(report)? {
+            return Ok(());
+        }
+        let clock = self.clock_offset(lines.line());
+        self.queue_epoch_line(&names, clock);
+        let mut before = std::mem::take(&mut self.satellites);
+        for name in names {
+            if !lines.advance(report)? {
+                break;
+            }
+            if lines.line().first().is_some_and(|first| b">&".contains(first)) {
+                // No satellite's line: lines are missing, and this is the next complete epoch line.
+                lines.unread();
+                break;
+            }
+            let mut satellite = match before.iter().position(|satellite| satellite.name == name) {
+                Some(known) => before.swap_remove(known),
+                None => Satellite::new(name, self.types[usize::from(name[0])]),
+            };
+            // A last line without its end may have lost digits; elsewhere values are differences, not aligned.
+            let record = if lines.is_whole() { satellite.expand(lines.line(), self.version_3) } else { Err(Damaged) };
+            match record {
+                Ok(record) => self.queue_record(name, &record),
+                Err(Damaged) => {
+                    satellite.lost = true;
+                    report.drop_one(Reason::CompactUnreadable, lines.number());
+                    self.queue_record(name, &[]);
+                }
+            }
+            self.satellites.push(satellite);
+        }
+        Ok(())
+    }
+
+    /// The receiver clock offset in its last decimal, or `None`.
+    fn clock_offset(&mut self, line: &[u8]) -> Option<i64> {
+        let field = line.trim_ascii();
+        self.clock = if field.is_empty() { None } else { Arc::next(self.clock, field).ok() };
+        self.clock.map(|arc| arc.differences[0])
+    }
+
+    fn queue_epoch_line(&mut self, names: &[[u8; 3]], clock: Option<i64>) {
+        let clock = clock.map(|clock| decimal_text(clock, if self.version_3 { 12 } else { 9 })).unwrap_or_default();
+        if self.version_3 {
+            let mut line = columns(&self.epoch, 0, 41).to_vec();
+            let _ = write!(line, "{clock:>15}");
+            self.queue.push_back(line);
+            return;
+        }
+        for (i, names) in names.chunks(12).enumerate() {
+            let mut line = if i == 0 { self.epoch[..32].to_vec() } else { vec![b' '; 32] };
+            names.iter().for_each(|name| line.extend_from_slice(name));
+            if i == 0 {
+                line.resize(68, b' ');
+                let _ = write!(line, "{clock:>12}");
+            }
+            self.queue.push_back(line);
+        }
+        if names.is_empty() {
+            self.queue.push_back(self.epoch[..32].to_vec());
+        }
+    }
+
+    /// Queues the lines of a satellite whose fields of 16 columns are `record`.
+    fn queue_record(&mut self, name: [u8; 3], record: &[u8]) {
+        if self.version_3 {
+            self.queue.push_back([&name, record].concat());
+            return;
+        }
+        for i in 0..self.types[0].div_ceil(5) {
+            self.queue.push_back(columns(record, 80 * i, 80 * (i + 1)).to_vec());
+        }
+    }
+}
+
+impl Satellite {
+    fn new(name: [u8; 3], types: usize) -> Self {
+        Self { name, arcs: vec![None; types], flags: vec![b' '; 2 * types], lost: false }
+    }
+
+    /// Expands a line into fields of 16 columns.
+    fn expand(&mut self, line: &[u8], version_3: bool) -> Result<Vec<u8>, Damaged> {
+        if self.lost {
+            return Err(Damaged);
+        }
+        let mut rest = line;
+        for (arc, flags) in self.arcs.iter_mut().zip(self.flags.chunks_exact_mut(2)) {
+            let end = rest.iter().position(|&byte| byte == b' ').unwrap_or(rest.len());
+            let field = &rest[..end];
+            *arc = if field.is_empty() { None } else { Some(Arc::next(*arc, field)?) };
+            if arc.is_none() && !version_3 {
+                flags.fill(b' ');
+            }
+            rest = rest.get(end + 1..).unwrap_or(&[]);
+        }
+        let types = self.arcs.len();
+        let flags = rest.trim_ascii_end();
+        if flags.len() > 2 * types {
+            return Err(Damaged);
+        }
+        differ(&mut self.flags, flags);
+        let mut record = Vec::with_capacity(16 * types);
+        for (arc, flags) in self.arcs.iter().zip(self.flags.chunks_exact(2)) {
+            match arc {
+                Some(arc) => {
+                    let value = decimal_text(arc.differences[0], 3);
+                    if value.len() > 14 {
+                        return Err(Damaged);
+                    }
+                    let _ = write!(record, "{value:>14}");
+                }
+                None => record.extend_from_slice(&[b' '; 14]),
+            }
+            record.extend_from_slice(flags);
+        }
+        Ok(record)
+    }
+}
+
+impl Arc {
+    /// The arc after one more field: `order&value` begins one, a number goes on with `arc`.
+    fn next(arc: Option<Self>, field: &[u8]) -> Result<Self, Damaged> {
+        if let [order @ b'0'..=b'9', b'&', value @ ..] = field {
+            let mut differences = [0; HIGHEST_ORDER + 1];
+            differences[0] = whole(value)?;
+            return Ok(Self { order: 0, highest: usize::from(order - b'0'), differences });
+        }
+        let mut arc = arc.ok_or(Damaged)?;
+        let before = arc.differences;
+        arc.order = (arc.order + 1).min(arc.highest);
+        arc.differences[arc.order] = whole(field)?;
+        for m in (0..arc.order).rev() {
+            arc.differences[m] = before[m].checked_add(arc.differences[m + 1]).ok_or(Damaged)?;
+        }
+        Ok(arc)
+    }
+}
+
+fn whole(digits: &[u8]) -> Result<i64, Damaged> {
+    std::str::from_utf8(digits).ok().and_then(|digits| digits.parse().ok()).ok_or(Damaged)
+}
+
+/// Applies the characters in which a text differs: blank keeps, `&` blanks, all others replace.
+fn differ(text: &mut Vec<u8>, difference: &[u8]) {
+    if text.len() < difference.len() {
+        text.resize(difference.len(), b' ');
+    }
+    for (old, &new) in text.iter_mut().zip(difference) {
+        match new {
+            b' ' => {}
+            b'&' => *old = b' ',
+            new => *old = new,
+        }
+    }
+}
+
+/// `value · 10^-decimals` in digits.
+fn decimal_text(value: i64, decimals: u32) -> String {
+    let unit = 10_u64.pow(decimals);
+    let magnitude = value.unsigned_abs();
+    let sign = if value < 0 { "-" } else { "" };
+    format!("{sign}{}.{:0width$}", magnitude / unit, magnitude % unit, width = decimals as usize)
+}
