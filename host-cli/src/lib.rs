@@ -5,9 +5,9 @@
 
 pub mod cli;
 pub mod compare;
+mod frame;
 pub mod log;
 pub mod process;
-mod frame;
 pub mod read;
 pub mod vectors;
 pub mod write;

@@ -35,8 +35,7 @@ impl Broadcast {
             for &ephemeris in &data.ephemerides {
                 broadcast.ephemerides.insert(ephemeris);
             }
-            let gps = data.klobuchar[0].map(|k| Klobuchar { alpha: k.alpha, beta: k.beta });
-            broadcast.klobuchar = broadcast.klobuchar.or(gps);
+            broadcast.klobuchar = broadcast.klobuchar.or(data.klobuchar[Constellation::Gps.index()]);
         }
         Some(broadcast)
     }

@@ -70,14 +70,14 @@ fn outputs(point: &SinglePoint, rows: &[Row], atmosphere: Atmosphere) -> Result<
     };
     let dop = point.dop;
 
-    let receiver = Geodetic::from_ecef(&point.position);
+    let local = atmosphere.above(&Geodetic::from_ecef(&point.position));
     let model = PositionModel { atmosphere };
     let at = model.point(&Unknowns { vector: point.position, biases: point.clocks.map(Option::unwrap_or_default) });
     let mut satellites = Vec::new();
     let (mut residuals, mut looks, mut ionosphere, mut troposphere) = (vec![], vec![], vec![], vec![]);
     for row in rows.iter().filter(|row| point.used.contains(row.satellite)) {
         let look = look_angle(&point.position, &row.state.position);
-        let delays = atmosphere.delays(&receiver, look, row.frequency);
+        let delays = local.delays(look, row.frequency);
         satellites.push(row.satellite.to_string());
         residuals.push(model.equation(row, &at).map(|equation| equation.residual));
         looks.push([look.azimuth.to_degrees(), look.elevation.to_degrees()]);
