@@ -24,8 +24,11 @@
 
 mod channel;
 pub mod config;
+#[cfg(feature = "log")]
+pub mod feed;
 mod fix;
 mod link;
+pub mod preset;
 mod track;
 
 pub use config::RtkConfig;
@@ -75,7 +78,11 @@ struct Base<const C: usize> {
 /// `N` must be at least `C` + 9 and `C` at most 255; a smaller one does not compile. See the presets in this module.
 pub struct RtkFilter<const C: usize, const N: usize, const E: usize> {
     config: RtkConfig,
-    base_position: Vector3<f64>,
+    /// Antenna reference point of the base.
+    base_position: Option<Vector3<f64>>,
+    /// Antenna reference point of the rover above its marker: up, east, north.
+    #[cfg(feature = "log")]
+    rover_antenna: [f64; 3],
     ionosphere: Option<Klobuchar>,
     ephemerides: EphemerisStore<E>,
     base: Base<C>,
@@ -103,12 +110,15 @@ pub struct RtkFilter<const C: usize, const N: usize, const E: usize> {
 impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
     const CAPACITIES_FIT: () = assert!(N >= C + 9 && C <= 255, "N must be at least C + 9, and C at most 255");
 
-    /// A filter that has seen nothing. `base_position` is the base antenna's reference point, ECEF `[m]`.
-    pub const fn new(config: RtkConfig, base_position: Vector3<f64>) -> Self {
+    /// A filter that has seen nothing. `base_position` is the antenna reference point of the base, ECEF `[m]`; without
+    /// it there are only single points.
+    pub const fn new(config: RtkConfig, base_position: Option<Vector3<f64>>) -> Self {
         let () = Self::CAPACITIES_FIT;
         Self {
             config,
             base_position,
+            #[cfg(feature = "log")]
+            rover_antenna: [0.0; 3],
             ionosphere: None,
             ephemerides: EphemerisStore::new(),
             base: Base { time: None, observations: Vec::new(), used: false },
@@ -127,6 +137,12 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
             code_factor: 1.0,
             code_memory: 2.0,
         }
+    }
+
+    /// Changes the configuration and forgets everything that was estimated under the old one.
+    pub fn configure(&mut self, config: RtkConfig) {
+        self.config = config;
+        self.restart();
     }
 
     /// The configuration.
@@ -178,7 +194,7 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
 
         let single = self.single_point(epoch);
         let single = single.as_ref();
-        let age = self.base.time.map(|time| epoch.time.since(time));
+        let age = self.base_position.and(self.base.time).map(|time| epoch.time.since(time));
         let unusable = match age {
             None => Some(Reason::NoBase),
             Some(age) if libm::fabs(age) > self.config.max_age => Some(Reason::BaseTooOld),
@@ -293,11 +309,11 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
     /// Single differences of all signals that both stations observe now.
     fn build_links(&mut self, time: GpsTime) {
         self.links.clear();
-        let Some(base_time) = self.base.time else { return };
+        let (Some(base_time), Some(base_position)) = (self.base.time, self.base_position) else { return };
         let rover_station = Station::new(time, self.position);
-        let base_station = Station::new(base_time, self.base_position);
+        let base_station = Station::new(base_time, base_position);
         let age = time.since(base_time);
-        let kilometres = (self.position - self.base_position).norm() / 1000.0;
+        let kilometres = (self.position - base_position).norm() / 1000.0;
         let atmosphere = self.config.atmosphere * kilometres;
         let clock = CLOCK_STABILITY * age;
         let mut sights: Option<(crate::gnss::satellite::SatelliteId, Option<(Sight, Sight)>)> = None;
