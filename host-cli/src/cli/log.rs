@@ -1,6 +1,7 @@
 //! `surefix log`.
 
 use super::Outcome;
+use super::engine::EngineArgs;
 use super::files::Files;
 use crate::log::{Frame, LogReader, LogWriter};
 use anyhow::Context;
@@ -10,6 +11,8 @@ use std::io::{BufWriter, Write, stdout};
 use std::path::{Path, PathBuf};
 use surefix_core::gnss::ephemeris::Ephemeris;
 use surefix_core::gnss::satellite::SatelliteSet;
+use surefix_core::rtk::RtkConfig;
+use surefix_core::rtk::feed::CONFIG_SCHEMA;
 use surefix_core::log::{Counts, EpochPart, Event, Header, Record, Station};
 
 /// Pack RINEX files into a device log, or dump one.
@@ -32,6 +35,8 @@ enum Command {
 struct PackArgs {
     #[command(flatten)]
     files: Files,
+    #[command(flatten)]
+    engine: EngineArgs,
     /// The log to write
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
@@ -68,7 +73,7 @@ fn pack(args: &PackArgs) -> anyhow::Result<Outcome> {
     let mut partial = args.output.clone().into_os_string();
     partial.push(".partial");
     let partial = PathBuf::from(partial);
-    let done = write_log(&mut files, &partial).and_then(|records| {
+    let done = write_log(&mut files, &args.engine.rtk_config()?, &partial).and_then(|records| {
         std::fs::rename(&partial, &args.output)
             .with_context(|| format!("{}: cannot be written", args.output.display()))?;
         Ok(records)
@@ -87,11 +92,12 @@ fn pack(args: &PackArgs) -> anyhow::Result<Outcome> {
     }
 }
 
-fn write_log(files: &mut super::files::OpenFiles, path: &Path) -> anyhow::Result<u64> {
+fn write_log(files: &mut super::files::OpenFiles, config: &RtkConfig, path: &Path) -> anyhow::Result<u64> {
     let cannot_write = || format!("{}: cannot be written", path.display());
     let mut log = LogWriter::new(BufWriter::new(File::create(path).with_context(cannot_write)?));
     let mut stream = files.stream();
-    let mut records = 0;
+    log.config(CONFIG_SCHEMA, config).with_context(cannot_write)?;
+    let mut records = 1;
     for input in stream.by_ref() {
         log.input(&input?).with_context(cannot_write)?;
         records += 1;

@@ -5,10 +5,12 @@ use std::process::ExitCode;
 
 pub mod compare;
 pub mod demo;
+pub mod engine;
 pub mod files;
 pub mod log;
 pub mod post;
 pub mod replay;
+pub mod results;
 pub mod simulate;
 pub mod vectors;
 

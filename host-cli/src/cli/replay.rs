@@ -1,12 +1,86 @@
 //! `surefix replay`.
 
 use super::Outcome;
+use super::engine::EngineArgs;
+use super::results::{self, Results};
+use crate::log::{LogInputs, LogWriter};
+use crate::process::run::Engine;
+use crate::process::stream::Input;
+use crate::write::pos::Header;
+use anyhow::Context;
+use std::fs::File;
+use std::io::BufWriter;
+use std::path::PathBuf;
 
 /// Run a device log through the filter.
+///
+/// The log's own settings are used; a log without settings is processed with the defaults and the options below. The
+/// frames that `-o` writes are those that firmware answers, byte for byte.
 #[derive(clap::Args, Debug)]
-pub struct Args {}
+pub struct Args {
+    /// The log
+    log: PathBuf,
+    /// Write the solutions as frames of a device log, as firmware does
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+    /// Write the result files of `surefix post` into this directory
+    #[arg(short, long, value_name = "DIR")]
+    results: Option<PathBuf>,
+    #[command(flatten)]
+    engine: EngineArgs,
+}
 
 /// Runs the command.
-pub fn run(_args: &Args) -> anyhow::Result<Outcome> {
-    anyhow::bail!("not built in this version")
+pub fn run(args: &Args) -> anyhow::Result<Outcome> {
+    let settings = args.engine.settings()?;
+    let mut engine = Engine::new(settings.config()?);
+    let mut inputs = LogInputs::open(&args.log)?;
+    let cannot_write = || args.output.as_ref().map_or(String::new(), |path| format!("{}: cannot be written", path.display()));
+    let mut frames = match &args.output {
+        Some(path) => Some(LogWriter::new(BufWriter::new(File::create(path).with_context(cannot_write)?))),
+        None => None,
+    };
+    let header = Header { inputs: vec![args.log.display().to_string()], ..Header::default() };
+    let mut files = match &args.results {
+        Some(directory) => Some(Results::create(directory, &args.log, &header)?),
+        None => None,
+    };
+    let (mut epochs, mut positions, mut with_base) = (0u64, 0u64, false);
+    for input in inputs.by_ref() {
+        let input = input?;
+        with_base |= matches!(input, Input::Base(_));
+        let Some(solution) = engine.feed(&input) else { continue };
+        epochs += 1;
+        positions += u64::from(solution.quality < surefix_core::gnss::solution::Quality::None);
+        if let Some(frames) = &mut frames {
+            frames.solution(&solution).with_context(cannot_write)?;
+        }
+        if let Some(files) = &mut files {
+            files.push(&solution)?;
+        }
+    }
+    if let Some(frames) = frames {
+        frames.finish().with_context(cannot_write)?;
+    }
+    let damage = inputs.damage();
+    if !damage.is_none() {
+        eprintln!(
+            "{}: {} damaged frames, {} incomplete epochs, {} values not finite, {} records lost while recording{}; \
+             `surefix log dump` shows the places",
+            args.log.display(),
+            damage.bad,
+            damage.incomplete,
+            damage.not_finite,
+            damage.dropped,
+            if damage.no_end { ", the end is missing" } else { "" }
+        );
+    }
+    if epochs > 0 && !with_base {
+        eprintln!("{}: no epoch of a base; there are only single points", args.log.display());
+    }
+    match files {
+        Some(files) => println!("{}", results::report(&files.finish(&settings)?.0)),
+        None => println!("{epochs} epochs, {positions} with a position"),
+    }
+    Ok(if positions > 0 { Outcome::Good } else { Outcome::Bad })
 }

@@ -1,3 +1,6 @@
-//! Processing: what an engine is told, in which order, and what becomes of it.
+//! Processing: inputs in order of time, through the engine of the core, to solutions.
 
+pub mod base_check;
+pub mod run;
+pub mod settings;
 pub mod stream;

@@ -1,0 +1,205 @@
+//! Settings as users write them: a small TOML file with plain units, or a few options, into an [`RtkConfig`].
+//!
+//! Everything has a default, meant for every case; only the bands follow the receivers.
+
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+use surefix_core::gnss::satellite::Constellation;
+use surefix_core::model::motion::Motion;
+use surefix_core::rtk::RtkConfig;
+use surefix_core::rtk::config::{BandPlan, MAX_BANDS};
+
+/// Settings of a run, in the units of their names.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Settings {
+    /// Bands by constellation, as RINEX letters and digits: `"G12 E15 C26"`; also `"L1"`, `"L1L2"`, `"L1L2L5"`.
+    pub bands: String,
+    /// `"static"`, `"velocity"` (a moving rover, the default) or `"acceleration"`.
+    pub motion: Motion,
+    /// Density of the motion's white noise: `[m²/s³]` for `velocity`, `[m²/s⁵]` for `acceleration`.
+    pub motion_noise: f64,
+    /// Elevation mask `[deg]`.
+    pub elevation_mask_deg: f64,
+    /// Least C/N0 `[dB-Hz]`.
+    pub cn0_mask_dbhz: f32,
+    /// Greatest age of base data `[s]`.
+    pub max_age_s: f64,
+    /// Least bootstrapped success rate of a fix.
+    pub fix_success_rate: f64,
+    /// Least ratio of second-best to best integers of a fix.
+    pub fix_ratio: f64,
+    /// Satellites below this elevation are not fixed `[deg]`.
+    pub fix_elevation_mask_deg: f64,
+    /// Standard deviation of a code at the zenith, per receiver `[m]`.
+    pub code_sigma_m: f64,
+    /// Standard deviation of a carrier phase at the zenith, per receiver `[m]`.
+    pub phase_sigma_m: f64,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        let config = RtkConfig::default();
+        Self {
+            bands: "L1L2".into(),
+            motion: config.motion,
+            motion_noise: config.motion_noise,
+            elevation_mask_deg: degrees(config.elevation_mask),
+            cn0_mask_dbhz: config.cn0_mask,
+            max_age_s: config.max_age,
+            fix_success_rate: config.acceptance.success_rate,
+            fix_ratio: config.acceptance.ratio,
+            fix_elevation_mask_deg: degrees(config.acceptance.elevation_mask),
+            code_sigma_m: zenith(config.code.constant, config.code.elevation),
+            phase_sigma_m: zenith(config.phase.constant, config.phase.elevation),
+        }
+    }
+}
+
+/// An angle in degrees, without the last digits that the conversion from radians leaves.
+fn degrees(radians: f64) -> f64 {
+    (radians.to_degrees() * 1e9).round() / 1e9
+}
+
+/// Standard deviation at the zenith of a noise with the given two parts.
+fn zenith(constant: f64, elevation: f64) -> f64 {
+    (constant.hypot(elevation) * 1e9).round() / 1e9
+}
+
+/// What is wrong with settings.
+#[derive(Debug, thiserror::Error)]
+pub enum SettingsError {
+    /// The file cannot be read.
+    #[error("{file}: cannot be read: {source}", file = file.display())]
+    Read {
+        /// The file.
+        file: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The file is no valid TOML, or has an unknown or wrong field; the message of the parser names line and field.
+    #[error("{file}: {source}", file = file.display())]
+    Syntax {
+        /// The file.
+        file: PathBuf,
+        /// Why.
+        source: Box<toml::de::Error>,
+    },
+    /// A value makes no sense.
+    #[error("{name} = {value}: {remedy}")]
+    Value {
+        /// The setting.
+        name: &'static str,
+        /// Its value.
+        value: String,
+        /// What to write instead.
+        remedy: &'static str,
+    },
+}
+
+impl Settings {
+    /// Reads a TOML file.
+    pub fn read(file: &Path) -> Result<Self, SettingsError> {
+        let text =
+            std::fs::read_to_string(file).map_err(|source| SettingsError::Read { file: file.into(), source })?;
+        toml::from_str(&text)
+            .map_err(|source| SettingsError::Syntax { file: file.into(), source: Box::new(source) })
+    }
+
+    /// The configuration of the engine.
+    pub fn config(&self) -> Result<RtkConfig, SettingsError> {
+        let value = |name, value: f64, good: bool, remedy| {
+            if good { Ok(value) } else { Err(SettingsError::Value { name, value: value.to_string(), remedy }) }
+        };
+        let positive = |name, v: f64| value(name, v, v.is_finite() && v > 0.0, "give a number above 0");
+        let angle = |name, v: f64| value(name, v, (0.0..90.0).contains(&v), "give degrees from 0 to below 90");
+        let mut config = RtkConfig {
+            bands: parse_bands(&self.bands)?,
+            motion: self.motion,
+            motion_noise: positive("motion_noise", self.motion_noise)?,
+            elevation_mask: angle("elevation_mask_deg", self.elevation_mask_deg)?.to_radians(),
+            cn0_mask: self.cn0_mask_dbhz,
+            max_age: positive("max_age_s", self.max_age_s)?,
+            ..RtkConfig::default()
+        };
+        let rate = self.fix_success_rate;
+        config.acceptance.success_rate =
+            value("fix_success_rate", rate, (0.0..1.0).contains(&rate), "give a probability from 0 to below 1")?;
+        config.acceptance.ratio = value("fix_ratio", self.fix_ratio, self.fix_ratio >= 1.0, "give a ratio of 1 or more")?;
+        config.acceptance.elevation_mask =
+            angle("fix_elevation_mask_deg", self.fix_elevation_mask_deg)?.to_radians();
+        let default = Self::default();
+        let scale_code = positive("code_sigma_m", self.code_sigma_m)? / default.code_sigma_m;
+        let scale_phase = positive("phase_sigma_m", self.phase_sigma_m)? / default.phase_sigma_m;
+        for (noise, scale) in [(&mut config.code, scale_code), (&mut config.phase, scale_phase)] {
+            noise.constant *= scale;
+            noise.elevation *= scale;
+        }
+        Ok(config)
+    }
+}
+
+/// A band plan from its text: `L1`, `L1L2`, `L1L2L5`, or constellations with their RINEX bands (`G12 E15`).
+pub fn parse_bands(text: &str) -> Result<BandPlan, SettingsError> {
+    let wrong = || SettingsError::Value {
+        name: "bands",
+        value: format!("{text:?}"),
+        remedy: "write L1, L1L2, L1L2L5, or constellation letters with up to three RINEX band digits, as in \"G12 E15\"",
+    };
+    match text.trim().to_ascii_uppercase().as_str() {
+        "L1" => return Ok(BandPlan::L1),
+        "L1L2" => return Ok(BandPlan::L1L2),
+        "L1L2L5" => return Ok(BandPlan::L1L2L5),
+        _ => {}
+    }
+    let mut plan = BandPlan::EMPTY;
+    let mut any = false;
+    for word in text.split_whitespace() {
+        let mut letters = word.chars();
+        let constellation = letters.next().and_then(Constellation::from_letter).ok_or_else(wrong)?;
+        let digits = letters.as_str().as_bytes();
+        if digits.is_empty() || digits.len() > MAX_BANDS || !digits.iter().all(|digit| (b'1'..=b'9').contains(digit)) {
+            return Err(wrong());
+        }
+        plan = plan.with(constellation, digits);
+        any = true;
+    }
+    if any { Ok(plan) } else { Err(wrong()) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_default_settings_are_the_default_configuration() {
+        let config = Settings::default().config().unwrap();
+        let default = RtkConfig::default();
+        assert_eq!(config.bands, default.bands);
+        assert_eq!((config.code, config.phase), (default.code, default.phase));
+        assert!((config.elevation_mask - default.elevation_mask).abs() < 1e-12);
+        assert!((config.acceptance.elevation_mask - default.acceptance.elevation_mask).abs() < 1e-12);
+        assert_eq!(config.acceptance.ratio, default.acceptance.ratio);
+    }
+
+    #[test]
+    fn bands_are_read_from_names_and_from_letters() {
+        assert_eq!(parse_bands("l1").unwrap(), BandPlan::L1);
+        let plan = parse_bands("G12 E15").unwrap();
+        assert_eq!(plan.bands(Constellation::Gps).collect::<Vec<_>>(), b"12");
+        assert_eq!(plan.bands(Constellation::Galileo).collect::<Vec<_>>(), b"15");
+        assert_eq!(plan.bands(Constellation::BeiDou).count(), 0);
+        for bad in ["", "G", "X1", "G1234", "G0", "12"] {
+            assert!(parse_bands(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn wrong_values_and_unknown_fields_are_named() {
+        let settings: Settings = toml::from_str("elevation_mask_deg = 95.0").unwrap();
+        assert!(settings.config().unwrap_err().to_string().starts_with("elevation_mask_deg = 95"));
+        assert!(Settings { fix_ratio: f64::NAN, ..Settings::default() }.config().is_err());
+        let error = toml::from_str::<Settings>("elevation_mask = 10").unwrap_err().to_string();
+        assert!(error.contains("unknown field `elevation_mask`"), "{error}");
+    }
+}
