@@ -15,8 +15,9 @@
 //! covariance contains these model errors as if they were independent between satellites; see [`noise::Noise`] for how
 //! far it can be trusted.
 //!
-//! Workspace: the rows, 160 bytes a satellite, provided by the caller. Stack below 8 KB. Bounded: at most 15 steps a
-//! fit, one fit an exclusion. Panic contract: never panics, whatever the observations.
+//! Workspace: the rows, 160 bytes a satellite, provided by the caller. Stack: some ten matrices of 8 × 8. Bounded: at
+//! most 15 steps a fit, 30 for a robust start, one fit an exclusion and one a readmission. Panic contract: never panics,
+//! whatever the observations.
 
 use crate::gnss::atmosphere::{Klobuchar, Mapping};
 use crate::gnss::epoch::EpochView;
@@ -179,10 +180,10 @@ pub fn single_point<const E: usize, const N: usize>(
     let unknowns = Unknowns { vector: start, ..Unknowns::default() };
     let first = adjust_consistent(&model, rows, unknowns, &config.tests)?.fit.unknowns;
 
-    let receiver = Geodetic::from_ecef(&first.vector);
+    let local = atmosphere.above(&Geodetic::from_ecef(&first.vector));
     rows.retain_mut(|row| {
         let look = look_angle(&first.vector, &row.state.position);
-        let delays = atmosphere.delays(&receiver, look, row.frequency);
+        let delays = local.delays(look, row.frequency);
         row.code_variance = config.noise.code_variance(row, look.elevation, delays);
         row.doppler_variance = config.noise.doppler_variance(row, look.elevation);
         look.elevation >= config.elevation_mask
@@ -245,6 +246,11 @@ mod tests {
     use crate::gnss::geodesy::line_of_sight;
     use crate::gnss::satellite::{Constellation, SatelliteId};
     use proptest::prelude::*;
+
+    #[test]
+    fn the_workspace_is_as_small_as_stated() {
+        assert!(size_of::<rows::Row>() <= 160);
+    }
 
     fn solve(rows: &[rows::Row]) -> Result<SinglePoint, SinglePointError> {
         estimate(rows, &ATMOSPHERE, Unknowns::default(), &Config::DEFAULT)
@@ -328,7 +334,7 @@ mod tests {
     /// What the receiver measures, from the model that [`PositionModel`] inverts.
     fn epoch(store: &EphemerisStore<32>) -> Epoch<64> {
         let mut epoch = Epoch::new(ATMOSPHERE.time);
-        let here = Geodetic::from_ecef(&RECEIVER);
+        let local = ATMOSPHERE.above(&Geodetic::from_ecef(&RECEIVER));
         for ephemeris in store.iter() {
             let signal = "1C".parse().unwrap();
             let mut observation = Observation::new(ephemeris.satellite(), signal);
@@ -336,7 +342,7 @@ mod tests {
             for _ in 0..10 {
                 let state = ephemeris.state_at_transmission(ATMOSPHERE.time, code).unwrap();
                 let look = look_angle(&RECEIVER, &state.position);
-                let delays = ATMOSPHERE.delays(&here, look, signal.frequency(Constellation::Gps, None).unwrap());
+                let delays = local.delays(look, signal.frequency(Constellation::Gps, None).unwrap());
                 let clock = state.clock - ephemeris.group_delay(signal).unwrap();
                 code = line_of_sight(&RECEIVER, &state.position).range + CLOCKS[0] - SPEED_OF_LIGHT * clock
                     + delays.ionosphere.unwrap()

@@ -1,4 +1,12 @@
-//! How far measurements and models are trusted. Panic contract: never panics.
+//! How far measurements and models are trusted.
+//!
+//! The defaults were set on nine data sets under an open sky (geodetic and u-blox receivers, 2005–2024, quiet and active
+//! ionosphere). Mean normalised error eᵀ Σ⁻¹ e / 3 of positions, 1 being right: 0.9–1.04 in Wettzell and Nagoya, 0.4–0.7
+//! in Saitama and Fujisawa, where the broadcast ionosphere was applied; below 0.35 without it, as its bound is made for an
+//! active Sun. Velocities of receivers at rest: 0.04–0.4 (9–40 mm/s rms), left cautious for receivers that move. Code
+//! residuals alone scatter by a third of their σ: most of it is the ionosphere, which all satellites share; a fault
+//! smaller than about 20 m on one satellite therefore passes. Between high buildings (Hong Kong) errors are up to five
+//! times the formal ones. Panic contract: never panics.
 
 use super::position::Delays;
 use super::rows::Row;
@@ -37,10 +45,10 @@ impl Noise {
         code_cn0: 0.5,
         claimed_accuracy: 0.5,
         ionosphere: 0.5,
-        ionosphere_unmodelled: 5.0,
+        ionosphere_unmodelled: 4.0,
         troposphere: 0.2,
-        doppler: 0.05,
-        doppler_cn0: 0.05,
+        doppler: 0.02,
+        doppler_cn0: 0.02,
     };
 
     /// Variance of a row's code at `elevation` `[rad]`, with the delays that were modelled `[m²]`.

@@ -4,7 +4,7 @@
 use super::adjust::{Equation, Model, Unknowns};
 use super::rows::Row;
 use crate::gnss::SPEED_OF_LIGHT;
-use crate::gnss::atmosphere::{Klobuchar, Mapping, StandardAtmosphere};
+use crate::gnss::atmosphere::{Klobuchar, Mapping, StandardAtmosphere, ZenithDelay};
 use crate::gnss::geodesy::{Geodetic, LookAngle, line_of_sight};
 use crate::gnss::satellite::SatelliteId;
 use crate::gnss::time::GpsTime;
@@ -34,25 +34,36 @@ pub struct Delays {
     pub troposphere: f64,
 }
 
+/// The atmosphere above a receiver.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LocalAtmosphere {
+    atmosphere: Atmosphere,
+    receiver: Geodetic,
+    zenith: ZenithDelay,
+    day_of_year: f64,
+}
+
 impl Atmosphere {
-    /// The delays at a receiver for a satellite seen at `look` at carrier `frequency` `[Hz]`. Zero below the horizon.
-    pub fn delays(&self, receiver: &Geodetic, look: LookAngle, frequency: f64) -> Delays {
+    /// The atmosphere above `receiver`.
+    pub fn above(&self, receiver: &Geodetic) -> LocalAtmosphere {
+        let zenith = StandardAtmosphere::at_height(receiver.height, HUMIDITY).zenith_delay(receiver);
+        LocalAtmosphere { atmosphere: *self, receiver: *receiver, zenith, day_of_year: self.time.day_of_year() }
+    }
+}
+
+impl LocalAtmosphere {
+    /// The delays of a signal from a satellite seen at `look` at carrier `frequency` `[Hz]`. Below the horizon those of
+    /// the ionosphere at the horizon, and none of the troposphere.
+    pub fn delays(&self, look: LookAngle, frequency: f64) -> Delays {
+        let Self { atmosphere: Atmosphere { time, klobuchar, mapping }, receiver, zenith, day_of_year } = self;
         if !HEIGHTS.contains(&receiver.height) {
             return Delays::default();
         }
         let above = LookAngle { elevation: look.elevation.max(0.0), ..look };
-        let ionosphere = self.klobuchar.map(|k| k.delay(frequency, receiver, above, self.time.tow()));
-        let zenith = StandardAtmosphere::at_height(receiver.height, HUMIDITY).zenith_delay(receiver);
-        let troposphere = self.mapping.slant(zenith, season(self.time), receiver, look.elevation).unwrap_or(0.0);
+        let troposphere = mapping.slant(*zenith, *day_of_year, receiver, look.elevation).unwrap_or(0.0);
+        let ionosphere = klobuchar.map(|klobuchar| klobuchar.delay(frequency, receiver, above, time.tow()));
         Delays { ionosphere, troposphere }
     }
-}
-
-/// Day of a mean year of 365.25 days, within a day of the calendar's: enough for a seasonal cosine (1980-01-06 was day
-/// 6).
-fn season(time: GpsTime) -> f64 {
-    let days = time.since(GpsTime::default()) / 86_400.0 + 5.0;
-    days - 365.25 * libm::floor(days / 365.25) + 1.0
 }
 
 /// Code as a measurement of position and clock offsets.
@@ -64,16 +75,16 @@ pub struct PositionModel {
 
 impl Model for PositionModel {
     type Row = Row;
-    type Point = (Unknowns, Geodetic);
+    type Point = (Unknowns, LocalAtmosphere);
 
     fn point(&self, unknowns: &Unknowns) -> Self::Point {
-        (*unknowns, Geodetic::from_ecef(&unknowns.vector))
+        (*unknowns, self.atmosphere.above(&Geodetic::from_ecef(&unknowns.vector)))
     }
 
-    fn equation(&self, row: &Row, (unknowns, receiver): &Self::Point) -> Option<Equation> {
+    fn equation(&self, row: &Row, (unknowns, atmosphere): &Self::Point) -> Option<Equation> {
         let sight = line_of_sight(&unknowns.vector, &row.state.position);
-        let look = receiver.look(&(row.state.position - unknowns.vector));
-        let delays = self.atmosphere.delays(receiver, look, row.frequency);
+        let look = atmosphere.receiver.look(&(row.state.position - unknowns.vector));
+        let delays = atmosphere.delays(look, row.frequency);
         let group = row.satellite.constellation().index();
         let clocks = unknowns.biases.get(group)? - SPEED_OF_LIGHT * row.state.clock;
         let predicted = sight.range + clocks + delays.ionosphere.unwrap_or(0.0) + delays.troposphere;
@@ -87,17 +98,5 @@ impl Model for PositionModel {
 
     fn satellite(row: &Row) -> SatelliteId {
         row.satellite
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn season_follows_the_calendar() {
-        // 2020-06-25 00:00 GPST is week 2111, second 345600, and day 177 of its year.
-        assert!((season(GpsTime::from_week_tow(2111, 345_600.0)) - 177.0).abs() < 1.0);
-        assert!((season(GpsTime::from_week_tow(0, 0.0)) - 6.0).abs() < 1e-9);
     }
 }
