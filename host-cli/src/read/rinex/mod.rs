@@ -10,6 +10,8 @@ mod header;
 mod navigation;
 mod observation;
 mod observation_types;
+#[cfg(test)]
+mod samples;
 mod time_scale;
 
 pub use header::{ObservationHeader, Version};
