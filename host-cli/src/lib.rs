@@ -3,7 +3,6 @@
 //! Arrows: [`cli`] → everything; readers → core types; processing → core; writers → results. Readers and writers do not
 //! know each other.
 
-pub mod calendar;
 pub mod cli;
 pub mod compare;
 mod frame;

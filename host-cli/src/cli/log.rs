@@ -11,9 +11,9 @@ use std::io::{BufWriter, Write, stdout};
 use std::path::{Path, PathBuf};
 use surefix_core::gnss::ephemeris::Ephemeris;
 use surefix_core::gnss::satellite::SatelliteSet;
+use surefix_core::log::{Counts, EpochPart, Event, Header, Record, Station};
 use surefix_core::rtk::RtkConfig;
 use surefix_core::rtk::feed::CONFIG_SCHEMA;
-use surefix_core::log::{Counts, EpochPart, Event, Header, Record, Station};
 
 /// Pack RINEX files into a device log, or dump one.
 #[derive(clap::Args, Debug)]

@@ -35,7 +35,8 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let settings = args.engine.settings()?;
     let mut engine = Engine::new(settings.config()?);
     let mut inputs = LogInputs::open(&args.log)?;
-    let cannot_write = || args.output.as_ref().map_or(String::new(), |path| format!("{}: cannot be written", path.display()));
+    let cannot_write =
+        || args.output.as_ref().map_or(String::new(), |path| format!("{}: cannot be written", path.display()));
     let mut frames = match &args.output {
         Some(path) => Some(LogWriter::new(BufWriter::new(File::create(path).with_context(cannot_write)?))),
         None => None,

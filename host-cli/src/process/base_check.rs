@@ -36,7 +36,12 @@ pub struct BaseCheck {
 
 impl Default for BaseCheck {
     fn default() -> Self {
-        Self { ephemerides: Box::new(EphemerisStore::new()), rows: Box::new(Rows::new()), coordinate: None, done: false }
+        Self {
+            ephemerides: Box::new(EphemerisStore::new()),
+            rows: Box::new(Rows::new()),
+            coordinate: None,
+            done: false,
+        }
     }
 }
 

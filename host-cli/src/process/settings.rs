@@ -100,10 +100,8 @@ pub enum SettingsError {
 impl Settings {
     /// Reads a TOML file.
     pub fn read(file: &Path) -> Result<Self, SettingsError> {
-        let text =
-            std::fs::read_to_string(file).map_err(|source| SettingsError::Read { file: file.into(), source })?;
-        toml::from_str(&text)
-            .map_err(|source| SettingsError::Syntax { file: file.into(), source: Box::new(source) })
+        let text = std::fs::read_to_string(file).map_err(|source| SettingsError::Read { file: file.into(), source })?;
+        toml::from_str(&text).map_err(|source| SettingsError::Syntax { file: file.into(), source: Box::new(source) })
     }
 
     /// The configuration of the engine.
@@ -125,9 +123,9 @@ impl Settings {
         let rate = self.fix_success_rate;
         config.acceptance.success_rate =
             value("fix_success_rate", rate, (0.0..1.0).contains(&rate), "give a probability from 0 to below 1")?;
-        config.acceptance.ratio = value("fix_ratio", self.fix_ratio, self.fix_ratio >= 1.0, "give a ratio of 1 or more")?;
-        config.acceptance.elevation_mask =
-            angle("fix_elevation_mask_deg", self.fix_elevation_mask_deg)?.to_radians();
+        config.acceptance.ratio =
+            value("fix_ratio", self.fix_ratio, self.fix_ratio >= 1.0, "give a ratio of 1 or more")?;
+        config.acceptance.elevation_mask = angle("fix_elevation_mask_deg", self.fix_elevation_mask_deg)?.to_radians();
         let default = Self::default();
         let scale_code = positive("code_sigma_m", self.code_sigma_m)? / default.code_sigma_m;
         let scale_phase = positive("phase_sigma_m", self.phase_sigma_m)? / default.phase_sigma_m;

@@ -78,6 +78,12 @@ impl Reason {
     }
 }
 
+impl fmt::Display for Reason {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.words())
+    }
+}
+
 /// How many, and where first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Tally {
@@ -129,7 +135,7 @@ impl fmt::Display for ReadReport {
             write!(f, ", {} observations", self.observations)?;
         }
         for (reason, tally) in &self.dropped {
-            write!(f, "\n  dropped {} {} (first at line {})", tally.count, reason.words(), tally.first_line)?;
+            write!(f, "\n  dropped {} {reason} (first at line {})", tally.count, tally.first_line)?;
         }
         Ok(())
     }
