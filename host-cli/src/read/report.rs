@@ -135,7 +135,7 @@ impl fmt::Display for ReadReport {
             write!(f, ", {} observations", self.observations)?;
         }
         for (reason, tally) in &self.dropped {
-            write!(f, "\n  dropped {} {} (first at line {})", tally.count, reason.words(), tally.first_line)?;
+            write!(f, "\n  dropped {} {reason} (first at line {})", tally.count, tally.first_line)?;
         }
         Ok(())
     }

@@ -6,7 +6,7 @@
 //! the clock), differenced to a growing order up to that which `order&value` announces at the start of an arc:
 //! with u⁰ₖ the value at epoch k, uᵐₖ = uᵐ⁻¹ₖ − uᵐ⁻¹ₖ₋₁; an empty field ends the arc. The values are followed by the
 //! flags, two a value, again as characters that differ. In CRINEX 1.0 an empty field also blanks its flags, which is
-//! in no description but in what RNX2CRX 4.0.8 writes.
+//! in no description but in what RNX2CRX 4.1.0 writes.
 //!
 //! A damaged line cannot be repaired, since later ones build on it: its satellite is left out and counted until its
 //! flags and arcs start afresh, and after a damaged epoch line everything is, until the next one that is complete.
@@ -229,7 +229,11 @@ impl Expander {
         if !lines.advance(report)? {
             return Ok(());
         }
-        let clock = self.clock_offset(lines.line());
+        let Ok(clock) = self.clock_offset(lines.line()) else {
+            report.drop_one(Reason::CompactUnreadable, lines.number());
+            self.epoch.clear();
+            return Ok(());
+        };
         self.queue_epoch_line(&names, clock);
         let mut before = std::mem::take(&mut self.satellites);
         for name in names {
@@ -261,10 +265,10 @@ impl Expander {
     }
 
     /// The receiver clock offset in its last decimal, or `None`.
-    fn clock_offset(&mut self, line: &[u8]) -> Option<i64> {
+    fn clock_offset(&mut self, line: &[u8]) -> Result<Option<i64>, Damaged> {
         let field = line.trim_ascii();
-        self.clock = if field.is_empty() { None } else { Arc::next(self.clock, field).ok() };
-        self.clock.map(|arc| arc.differences[0])
+        self.clock = if field.is_empty() { None } else { Some(Arc::next(self.clock, field)?) };
+        Ok(self.clock.map(|arc| arc.differences[0]))
     }
 
     fn queue_epoch_line(&mut self, names: &[[u8; 3]], clock: Option<i64>) {
@@ -388,4 +392,81 @@ fn decimal_text(value: i64, decimals: u32) -> String {
     let magnitude = value.unsigned_abs();
     let sign = if value < 0 { "-" } else { "" };
     format!("{sign}{}.{:0width$}", magnitude / unit, magnitude % unit, width = decimals as usize)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::read::rinex::samples::{COMPACT_1, COMPACT_3, RINEX_2, RINEX_3, read};
+
+    #[test]
+    fn compact_files_are_the_files_that_were_compacted() {
+        for (compact, plain) in [(COMPACT_1, RINEX_2), (COMPACT_3, RINEX_3)] {
+            let ((epochs, report), (plain_epochs, plain_report)) =
+                (read(compact.as_bytes()).unwrap(), read(plain.as_bytes()).unwrap());
+            assert_eq!(epochs, plain_epochs);
+            let counts = |report: ReadReport| {
+                report.dropped.into_iter().map(|(reason, t)| (reason, t.count)).collect::<Vec<_>>()
+            };
+            assert_eq!(counts(report), counts(plain_report));
+        }
+    }
+
+    #[test]
+    fn differences_are_summed_by_their_order() {
+        // Order 3 from 1, 4, 9, 17, 29: first differences 3, 5, 8, 12; second 2, 3, 4; third 1, 1.
+        let mut arc = None;
+        let values = [&b"3&1"[..], b"3", b"2", b"1", b"1"].map(|field| {
+            arc = Arc::next(arc, field).ok();
+            arc.unwrap().differences[0]
+        });
+        assert_eq!(values, [1, 4, 9, 17, 29]);
+    }
+
+    #[test]
+    fn what_cannot_be_expanded_is_refused() {
+        assert!(Arc::next(None, b"5").is_err(), "a difference without a beginning");
+        let arc = Arc::next(None, b"3&9223372036854775807").ok();
+        assert!(Arc::next(arc, b"1").is_err(), "an overflow");
+        assert!(Arc::next(arc, b"x").is_err());
+        let long = [b"5 ".repeat(3), b"&".repeat(9)].concat();
+        assert!(Satellite::new(*b"G05", 4).expand(&long, true).is_err(), "more flags than values have");
+    }
+
+    #[test]
+    fn a_damaged_satellite_is_left_out_until_it_begins_afresh() {
+        // The second epoch's line of G05.
+        let damaged = COMPACT_3.replacen("611724 3058635", "6x1724 3058635", 1);
+        assert_ne!(damaged, COMPACT_3);
+        let (whole, _) = read(COMPACT_3.as_bytes()).unwrap();
+        let (epochs, report) = read(damaged.as_bytes()).unwrap();
+        assert_eq!(epochs[0], whole[0]);
+        // The writer begins afresh after the event that follows the third epoch.
+        assert_eq!(epochs[3..], whole[3..]);
+        for (epoch, whole) in epochs.iter().zip(whole).skip(1).take(2) {
+            let others: Vec<_> = whole.observations.into_iter().filter(|o| o.satellite.to_string() != "G05").collect();
+            assert_eq!(epoch.observations, others);
+        }
+        assert_eq!(report.count(Reason::CompactUnreadable), 2);
+    }
+
+    #[test]
+    fn after_a_damaged_epoch_line_nothing_is_made_up() {
+        let (whole, _) = read(COMPACT_1.as_bytes()).unwrap();
+        let lines: Vec<&str> = COMPACT_1.lines().collect();
+        let second = lines.iter().position(|line| line.starts_with("                3")).unwrap();
+        let more_than_listed = format!("{:<30}99", lines[second]);
+        for replacement in [&[][..], &[more_than_listed.as_str()], &["garbage"]] {
+            let mut damaged = lines.clone();
+            damaged.splice(second..=second, replacement.iter().copied());
+            let (epochs, report) = read((damaged.join("\n") + "\n").as_bytes()).unwrap();
+            // The writer begins afresh after the event that follows the second epoch.
+            assert!(
+                epochs == [&whole[..1], &whole[2..]].concat(),
+                "{:?}",
+                epochs.iter().map(|e| e.time).collect::<Vec<_>>()
+            );
+            assert!(report.count(Reason::CompactUnreadable) + report.count(Reason::LineUnreadable) > 0);
+        }
+    }
 }

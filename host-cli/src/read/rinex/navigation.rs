@@ -392,3 +392,7 @@ fn near(time: GpsTime, tow: f64, constellation: Constellation) -> GpsTime {
     let distance = |candidate: &GpsTime| (candidate.nanoseconds() - time.nanoseconds()).abs();
     [of_week(week - 1), of_week(week), of_week(week + 1)].into_iter().min_by_key(distance).unwrap_or(time)
 }
+
+#[cfg(test)]
+#[path = "navigation_tests.rs"]
+mod tests;

@@ -412,3 +412,7 @@ fn put(observation: &mut Observation, column: &Column, field: &[u8], half_cycles
     }
     Ok(())
 }
+
+#[cfg(test)]
+#[path = "observation_tests.rs"]
+mod tests;
