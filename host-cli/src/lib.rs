@@ -3,12 +3,11 @@
 //! Arrows: [`cli`] → everything; readers → core types; processing → core; writers → results. Readers and writers do not
 //! know each other.
 
-pub mod calendar;
 pub mod cli;
 pub mod compare;
-mod frame;
 pub mod log;
 pub mod process;
 pub mod read;
+pub mod simulate;
 pub mod vectors;
 pub mod write;

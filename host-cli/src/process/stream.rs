@@ -10,13 +10,12 @@
 //!
 //! Memory: the ephemerides and one epoch of each station.
 
-use crate::calendar::DateTime;
 use std::collections::{BTreeMap, VecDeque};
 use std::iter::Peekable;
 use surefix_core::gnss::ephemeris::{Ephemeris, NavigationMessage};
 use surefix_core::gnss::epoch::{EpochView, Observation};
 use surefix_core::gnss::satellite::SatelliteId;
-use surefix_core::gnss::time::GpsTime;
+use surefix_core::gnss::time::{Calendar, GpsTime};
 use surefix_core::log::{self, Event, Header, Ionosphere, Station};
 
 /// Epochs of rover and base that are at most this far apart are of the same time `[s]`: half the interval of 20 Hz.
@@ -138,10 +137,10 @@ impl Span {
 impl std::fmt::Display for Span {
     /// Dates and times to the second, GPST.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let [first, last] = [self.first, self.last].map(DateTime::from_gps);
+        let [first, last] = [self.first, self.last].map(GpsTime::calendar);
         for (date, after) in [(first, "–"), (last, "")] {
-            let DateTime { year, month, day, hour, minute, nanosecond } = date;
-            let second = nanosecond / 1_000_000_000;
+            let Calendar { year, month, day, hour, minute, second } = date;
+            let second = second.floor();
             write!(f, "{year}-{month:02}-{day:02} {hour:02}:{minute:02}:{second:02}{after}")?;
         }
         Ok(())

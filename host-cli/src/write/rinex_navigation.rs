@@ -9,7 +9,7 @@ use std::io::{self, Write};
 use surefix_core::gnss::atmosphere::Klobuchar;
 use surefix_core::gnss::ephemeris::{Ephemeris, GlonassEphemeris, KeplerEphemeris, NavigationMessage};
 use surefix_core::gnss::satellite::Constellation;
-use surefix_core::gnss::time::{Calendar, GpsTime};
+use surefix_core::gnss::time::Calendar;
 
 /// Transmission time where it is not known `[s]`.
 const UNKNOWN_TIME: f64 = 0.9999e9;
@@ -129,6 +129,7 @@ mod tests {
     use super::*;
     use crate::read::rinex::NavigationData;
     use std::io::Cursor;
+    use surefix_core::gnss::time::GpsTime;
 
     fn kepler(name: &str, message: NavigationMessage, toe: GpsTime) -> Ephemeris {
         let lnav = message == NavigationMessage::Lnav;
