@@ -5,9 +5,9 @@
 
 pub mod cli;
 pub mod compare;
-mod frame;
 pub mod log;
 pub mod process;
 pub mod read;
+pub mod simulate;
 pub mod vectors;
 pub mod write;

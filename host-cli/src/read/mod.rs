@@ -1,6 +1,6 @@
 //! Readers: files of others into the core's vocabulary.
 //!
-//! [`rinex`] reads observations and navigation messages. Every reader keeps three promises:
+//! [`rinex`] reads observations and navigation messages, [`solution`] positions over time. Every reader keeps three promises:
 //! * an input that cannot be used at all is a [`ReadError`] that names file, line and remedy;
 //! * a record that cannot be used is dropped and counted in a [`ReadReport`], with the line of the first one;
 //! * whatever else was recorded of a supported constellation arrives, to the last digit.
@@ -12,8 +12,7 @@ mod field;
 mod lines;
 mod report;
 pub mod rinex;
+pub mod solution;
 
 pub use error::{FileKind, ReadError};
 pub use report::{ReadReport, Reason, Tally};
-
-pub mod solution;

@@ -8,12 +8,11 @@
 //! RTKLIB knows no partial fix: [`Quality::Partial`] is written as `Q=1`, as is [`Quality::Fixed`], and the header
 //! says so; the CSV keeps them apart. Epochs without a position are not written.
 
-use crate::frame;
 use nalgebra::{Matrix3, Vector3};
 use std::io::{self, Write};
 use surefix_core::gnss::geodesy::Geodetic;
 use surefix_core::gnss::solution::{Quality, Solution};
-use surefix_core::gnss::time::GpsTime;
+use surefix_core::gnss::time::{Calendar, GpsTime};
 
 /// What the comment lines at the top of the file say.
 #[derive(Clone, Debug, Default)]
@@ -134,11 +133,11 @@ fn deviations(here: &Geodetic, covariance: &Matrix3<f64>) -> [f64; 6] {
 fn calendar_text(t: GpsTime, decimals: u32) -> String {
     let unit = 10_i64.pow(9 - decimals.min(9));
     let rounded = (t.nanoseconds().saturating_add(unit / 2)).div_euclid(unit).saturating_mul(unit);
-    let (year, month, day, ns) = frame::calendar(GpsTime::from_nanoseconds(rounded));
-    let (seconds, fraction) = (ns / 1_000_000_000, ns % 1_000_000_000 / unit);
-    let (hour, minute, second) = (seconds / 3600, seconds / 60 % 60, seconds % 60);
-    let width = decimals.min(9) as usize;
-    format!("{year:04}/{month:02}/{day:02} {hour:02}:{minute:02}:{second:02}.{fraction:0width$}")
+    let rounded = GpsTime::from_nanoseconds(rounded);
+    let Calendar { year, month, day, hour, minute, second } = rounded.calendar();
+    let decimals = decimals.min(9) as usize;
+    let width = decimals + 3;
+    format!("{year:04}/{month:02}/{day:02} {hour:02}:{minute:02}:{second:0width$.decimals$}")
 }
 
 #[cfg(test)]

@@ -187,7 +187,7 @@ mod tests {
             marker: "MÜNCHEN".into(),
             receiver: "SUREFIX SIMULATOR".into(),
             antenna: "NONE            NONE".into(),
-            approximate_position: [4_075_580.3111, 931_854.0543, 4_801_568.2808],
+            approximate_position: [4_075_580.311_1, 931_854.054_3, 4_801_568.280_8],
             antenna_delta_hen: [0.071, 0.0, -0.002],
             interval: Some(0.2),
             first_epoch: GpsTime::from_week_tow(2111, 345_600.0),

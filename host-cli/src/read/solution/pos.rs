@@ -6,11 +6,10 @@
 //! half of the last digit: the file cannot mean zero.
 
 use super::{HeaderProblem, Options, Track, TrackPoint, from_degrees, number, symmetric};
-use crate::frame;
 use nalgebra::{Matrix3, Vector3};
 use surefix_core::gnss::geodesy::Geodetic;
 use surefix_core::gnss::solution::Quality;
-use surefix_core::gnss::time::GpsTime;
+use surefix_core::gnss::time::{Calendar, GpsTime};
 
 /// Half of the last printed digit of a standard deviation `[m]`.
 const HALF_DIGIT_M: f64 = 0.000_05;
@@ -24,11 +23,24 @@ enum Coordinates {
     Baseline,
 }
 
-/// The time scale of the time columns, as hours ahead of UTC where it is a civil one.
+/// The time scale of the time columns.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Scale {
     Gpst,
-    Civil { hours: f64 },
+    Utc,
+    /// Japan Standard Time, UTC + 9 h.
+    Jst,
+}
+
+impl Scale {
+    /// GPST of a date on this scale.
+    fn gpst(self, date: &Calendar) -> Option<GpsTime> {
+        match self {
+            Self::Gpst => GpsTime::from_calendar(date),
+            Self::Utc => GpsTime::from_utc(date),
+            Self::Jst => GpsTime::from_utc(date).map(|time| time.plus_seconds(-32_400.0)),
+        }
+    }
 }
 
 /// Reads all rows.
@@ -86,8 +98,8 @@ fn columns_of_header(line: &str) -> Option<Coordinates> {
 
 fn time_scale(line: &str) -> Scale {
     match line.trim_start_matches(['%', '#']).split_whitespace().next() {
-        Some("UTC") => Scale::Civil { hours: 0.0 },
-        Some("JST") => Scale::Civil { hours: 9.0 },
+        Some("UTC") => Scale::Utc,
+        Some("JST") => Scale::Jst,
         _ => Scale::Gpst,
     }
 }
@@ -157,21 +169,22 @@ fn sexagesimal(text: &str, [degrees, minutes, seconds]: [f64; 3]) -> Option<f64>
 
 /// Time from `2018/10/09 12:22:11.000` or `2022 217331.000`.
 fn time(first: &str, second: &str, scale: Scale) -> Option<GpsTime> {
-    let read = if first.contains('/') {
-        let mut date = first.split('/').map(|field| field.parse::<i64>().ok());
-        let (year, month, day) = (date.next()??, date.next()??, date.next()??);
-        let mut clock = second.split(':').map(number);
-        let (hour, minute, seconds) = (clock.next()??, clock.next()??, clock.next()??);
-        let valid = (1980..2200).contains(&year) && (1..=12).contains(&month) && (1..=31).contains(&day);
-        valid.then(|| frame::from_calendar(year, month, day, hour * 3600.0 + minute * 60.0).plus_seconds(seconds))?
+    let date = if first.contains('/') {
+        let (mut date, mut clock) = (first.split('/'), second.split(':'));
+        Calendar {
+            year: date.next()?.parse().ok()?,
+            month: date.next()?.parse().ok()?,
+            day: date.next()?.parse().ok()?,
+            hour: clock.next()?.parse().ok()?,
+            minute: clock.next()?.parse().ok()?,
+            second: number(clock.next()?)?,
+        }
     } else {
-        let week = first.parse().ok().filter(|week| (0..20_000).contains(week))?;
-        GpsTime::from_week_tow(week, number(second)?)
+        // Weeks and seconds count on their scale as dates do.
+        let week = first.parse().ok().filter(|week| (0..10_000).contains(week))?;
+        GpsTime::from_week_tow(week, number(second)?).calendar()
     };
-    Some(match scale {
-        Scale::Gpst => read,
-        Scale::Civil { hours } => frame::from_utc(read.plus_seconds(-3600.0 * hours)),
-    })
+    scale.gpst(&date)
 }
 
 /// Grade from RTKLIB's `Q`: 1 fix, 2 float, 3 SBAS, 4 DGPS, 5 single, 6 PPP; none given counts as fixed.
