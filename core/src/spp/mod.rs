@@ -46,9 +46,9 @@ pub mod velocity;
 #[cfg(test)]
 mod sky;
 
-/// A start further from the Earth's centre is not used: there are points beyond the satellites that fit four ranges too
-/// `[m]`.
-const MAX_START: f64 = 1e7;
+/// A position further from the Earth's centre is not believed and not started from: there are points far out that fit
+/// four ranges too `[m]`.
+const MAX_RADIUS: f64 = 1e7;
 
 /// How single points are computed.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -96,7 +96,7 @@ pub enum SinglePointError {
     TooFewSatellites,
     /// The satellites do not determine a position, or hardly: PDOP above the limit.
     PoorGeometry,
-    /// The iteration did not come to rest.
+    /// The iteration did not come to rest on the Earth.
     NotConverged,
     /// The measurements contradict each other, and no exclusion explains it.
     Inconsistent,
@@ -175,7 +175,7 @@ pub fn single_point<const E: usize, const N: usize>(
     let atmosphere = Atmosphere { time: epoch.time, klobuchar, mapping: config.mapping };
 
     // Elevations need a position: a first fit with all satellites and variances without elevation gives it.
-    let start = start.filter(|position| position.norm() < MAX_START).unwrap_or_default();
+    let start = start.filter(|position| position.norm() < MAX_RADIUS).unwrap_or_default();
     let model = PositionModel { atmosphere };
     let unknowns = Unknowns { vector: start, ..Unknowns::default() };
     let first = adjust_consistent(&model, rows, unknowns, &config.tests)?.fit.unknowns;
@@ -202,6 +202,9 @@ pub fn estimate(
     let model = PositionModel { atmosphere: *atmosphere };
     let exclusion::Consistent { fit, excluded } = adjust_consistent(&model, rows, start, &config.tests)?;
     let position = fit.unknowns.vector;
+    if position.norm() > MAX_RADIUS {
+        return Err(SinglePointError::NotConverged);
+    }
     let covariance: Matrix3<f64> = fit.covariance.fixed_view::<3, 3>(0, 0).into();
     let used = || rows.iter().filter(|row| fit.used.contains(row.satellite));
     let dop = Dop::of(&position, used().map(|row| &row.state.position)).ok_or(SinglePointError::PoorGeometry)?;
@@ -413,7 +416,7 @@ mod tests {
                 row.frequency = values[4];
             }
             if let Ok(point) = solve(&rows) {
-                prop_assert!(point.position.iter().all(|x| x.is_finite()));
+                prop_assert!(point.position.norm() <= MAX_RADIUS);
             }
         }
 
@@ -427,7 +430,7 @@ mod tests {
                 observation.cn0 = Some(values[1] as f32);
             }
             if let Ok(point) = single_point(epoch.view(), &store, None, &Config::DEFAULT, None, &mut rows) {
-                prop_assert!(point.position.iter().chain(point.covariance.iter()).all(|x| x.is_finite()));
+                prop_assert!(point.position.norm() <= MAX_RADIUS && point.covariance.iter().all(|x| x.is_finite()));
             }
         }
     }
