@@ -54,11 +54,6 @@ fn combinations() {
     passes("12_combinations.json");
 }
 
-#[test]
-fn single_points() {
-    passes("13_single_point.json");
-}
-
 /// A model that is not built is reported as unknown, not passed over.
 #[test]
 fn what_is_not_built_yet_fails_by_name() {

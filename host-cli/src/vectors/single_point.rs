@@ -110,10 +110,9 @@ fn outputs(point: &SinglePoint, rows: &[Row], atmosphere: &Atmosphere) -> Output
     let model = PositionModel { atmosphere: *atmosphere };
     let residuals: Vec<f64> =
         equations(&model, rows, &point.rejected, &unknowns).map(|(_, equation)| equation.residual).collect();
-    let receiver = Geodetic::from_ecef(&point.position);
+    let local = atmosphere.above(&Geodetic::from_ecef(&point.position));
     let looks: Vec<_> = rows.iter().map(|row| look_angle(&point.position, &row.state.position)).collect();
-    let delays: Vec<_> =
-        rows.iter().zip(&looks).map(|(row, &look)| atmosphere.delays(&receiver, look, row.frequency)).collect();
+    let delays: Vec<_> = rows.iter().zip(&looks).map(|(row, &look)| local.delays(look, row.frequency)).collect();
     let used = rows.iter().map(|row| row.satellite).filter(|&satellite| point.used.contains(satellite));
     let degrees: Vec<_> = looks.iter().map(|look| [look.azimuth.to_degrees(), look.elevation.to_degrees()]).collect();
     let dop = point.dop;

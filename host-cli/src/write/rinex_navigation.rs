@@ -127,7 +127,6 @@ fn exponential(value: f64, width: usize, decimals: usize) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use surefix_core::gnss::time::GpsTime;
     use crate::read::rinex::NavigationData;
     use std::io::Cursor;
     use surefix_core::gnss::time::GpsTime;
