@@ -1,6 +1,6 @@
 //! Golden vectors: files of inputs and expected outputs, run against the models of this program.
 //!
-//! Each file is of a [`Format`], recognised by its shape; each format is one module. The format of files with `cases`
+//! Each file is of a `Format`, recognised by its shape; each format is one module. The format of files with `cases`
 //! of `in` and `out` ([`case`]) has a further table from the case's model to the function that recomputes it.
 //!
 //! A file passes if every expected output is recomputed within the tolerance that the file states. An output that is not
