@@ -15,7 +15,6 @@ use crate::read::field::{columns, integer};
 use crate::read::lines::Lines;
 use crate::read::{ReadError, ReadReport, Reason};
 use std::collections::VecDeque;
-use std::io::Write;
 
 /// Highest order of differences; the format's programs use 3.
 const HIGHEST_ORDER: usize = 9;
@@ -234,7 +233,7 @@ impl Expander {
             self.epoch.clear();
             return Ok(());
         };
-        self.queue_epoch_line(&names, clock);
+        self.queue_epoch_line(&names, &clock);
         let mut before = std::mem::take(&mut self.satellites);
         for name in names {
             if !lines.advance(report)? {
@@ -264,32 +263,30 @@ impl Expander {
         Ok(())
     }
 
-    /// The receiver clock offset in its last decimal, or `None`.
-    fn clock_offset(&mut self, line: &[u8]) -> Result<Option<i64>, Damaged> {
+    /// The receiver clock offset as it stands in the epoch line; nothing if there is none.
+    fn clock_offset(&mut self, line: &[u8]) -> Result<Vec<u8>, Damaged> {
         let field = line.trim_ascii();
+        let mut text = Vec::new();
         self.clock = if field.is_empty() { None } else { Some(Arc::next(self.clock, field)?) };
-        Ok(self.clock.map(|arc| arc.differences[0]))
+        if let Some(clock) = self.clock {
+            let (decimals, width) = if self.version_3 { (12, 15) } else { (9, 12) };
+            push_decimal(&mut text, clock.differences[0], decimals, width)?;
+        }
+        Ok(text)
     }
 
-    fn queue_epoch_line(&mut self, names: &[[u8; 3]], clock: Option<i64>) {
-        let clock = clock.map(|clock| decimal_text(clock, if self.version_3 { 12 } else { 9 })).unwrap_or_default();
+    fn queue_epoch_line(&mut self, names: &[[u8; 3]], clock: &[u8]) {
         if self.version_3 {
-            let mut line = columns(&self.epoch, 0, 41).to_vec();
-            let _ = write!(line, "{clock:>15}");
-            self.queue.push_back(line);
+            self.queue.push_back([columns(&self.epoch, 0, 41), clock].concat());
             return;
         }
-        for (i, names) in names.chunks(12).enumerate() {
-            let mut line = if i == 0 { self.epoch[..32].to_vec() } else { vec![b' '; 32] };
-            names.iter().for_each(|name| line.extend_from_slice(name));
-            if i == 0 {
-                line.resize(68, b' ');
-                let _ = write!(line, "{clock:>12}");
-            }
-            self.queue.push_back(line);
-        }
-        if names.is_empty() {
-            self.queue.push_back(self.epoch[..32].to_vec());
+        let (first, others) = names.split_at(names.len().min(12));
+        let mut line = [columns(&self.epoch, 0, 32), first.as_flattened()].concat();
+        line.resize(68, b' ');
+        line.extend_from_slice(clock);
+        self.queue.push_back(line);
+        for names in others.chunks(12) {
+            self.queue.push_back([&[b' '; 32], names.as_flattened()].concat());
         }
     }
 
@@ -334,13 +331,7 @@ impl Satellite {
         let mut record = Vec::with_capacity(16 * types);
         for (arc, flags) in self.arcs.iter().zip(self.flags.chunks_exact(2)) {
             match arc {
-                Some(arc) => {
-                    let value = decimal_text(arc.differences[0], 3);
-                    if value.len() > 14 {
-                        return Err(Damaged);
-                    }
-                    let _ = write!(record, "{value:>14}");
-                }
+                Some(arc) => push_decimal(&mut record, arc.differences[0], 3, 14)?,
                 None => record.extend_from_slice(&[b' '; 14]),
             }
             record.extend_from_slice(flags);
@@ -386,12 +377,30 @@ fn differ(text: &mut Vec<u8>, difference: &[u8]) {
     }
 }
 
-/// `value · 10^-decimals` in digits.
-fn decimal_text(value: i64, decimals: u32) -> String {
-    let unit = 10_u64.pow(decimals);
-    let magnitude = value.unsigned_abs();
-    let sign = if value < 0 { "-" } else { "" };
-    format!("{sign}{}.{:0width$}", magnitude / unit, magnitude % unit, width = decimals as usize)
+/// Adds `value · 10^-decimals` in digits, right-aligned in `width` columns.
+fn push_decimal(text: &mut Vec<u8>, value: i64, decimals: usize, width: usize) -> Result<(), Damaged> {
+    let start = text.len();
+    let mut rest = value.unsigned_abs();
+    // From the last digit on, in reverse.
+    for i in 0.. {
+        if i == decimals {
+            text.push(b'.');
+        }
+        if i > decimals && rest == 0 {
+            break;
+        }
+        text.push(b'0' + (rest % 10) as u8);
+        rest /= 10;
+    }
+    if value < 0 {
+        text.push(b'-');
+    }
+    if text.len() > start + width {
+        return Err(Damaged);
+    }
+    text.resize(start + width, b' ');
+    text[start..].reverse();
+    Ok(())
 }
 
 #[cfg(test)]

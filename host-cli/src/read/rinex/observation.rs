@@ -29,6 +29,8 @@ const CODES: RangeInclusive<f64> = 1.0e6..=1.0e8;
 const LARGEST_DOPPLER: f64 = 1.0e6;
 /// Largest C/N0 that a receiver can have measured `[dB-Hz]`.
 const LARGEST_CN0: f64 = 100.0;
+/// A step in time that is longer is believed only if the epoch after it does not step back `[s]`.
+const LONGEST_STEP: f64 = 300.0;
 /// Columns of a value with its two flags.
 const FIELD: usize = 16;
 /// Columns of a value.
@@ -70,7 +72,10 @@ pub struct ObservationReader {
     lines: ExpandedLines,
     header: ObservationHeader,
     report: ReadReport,
+    /// Time of the last epoch given.
     latest: Option<GpsTime>,
+    /// An epoch read ahead, and its line.
+    held: Option<(u64, ObservationEpoch)>,
     /// Satellites of the current epoch (RINEX 2).
     names: Vec<[u8; 3]>,
     /// Satellite of the current record.
@@ -113,6 +118,7 @@ impl ObservationReader {
             header,
             report,
             latest: None,
+            held: None,
             names: Vec::new(),
             name: [b' '; 3],
             record: Vec::new(),
@@ -132,49 +138,68 @@ impl ObservationReader {
 
     /// The next epoch; `None` at the end of the file.
     pub fn next_epoch(&mut self) -> Result<Option<ObservationEpoch>, ReadError> {
+        loop {
+            let next = match self.held.take() {
+                Some(held) => Some(held),
+                None => self.read_epoch()?,
+            };
+            let Some((line, epoch)) = next else { return Ok(None) };
+            if let Some(latest) = self.latest.filter(|&latest| epoch.time <= latest) {
+                let same = epoch.time == latest;
+                self.report.drop_one(if same { Reason::EpochDuplicate } else { Reason::EpochOutOfOrder }, line);
+                continue;
+            }
+            if self.latest.is_none_or(|latest| epoch.time.since(latest) > LONGEST_STEP) {
+                // A damaged date must not hide all that follows: it is one if the next epoch is back where time was.
+                self.held = self.read_epoch()?;
+                let back = |next: GpsTime| {
+                    epoch.time.since(next) > LONGEST_STEP / 2.0 && self.latest.is_none_or(|latest| next > latest)
+                };
+                if self.held.as_ref().is_some_and(|(_, held)| back(held.time)) {
+                    self.report.drop_one(Reason::EpochOutOfOrder, line);
+                    continue;
+                }
+            }
+            self.latest = Some(epoch.time);
+            self.report.records += 1;
+            self.report.observations += epoch.observations.len() as u64;
+            return Ok(Some(epoch));
+        }
+    }
+
+    /// The next epoch that can be read, whatever its time, and its line.
+    fn read_epoch(&mut self) -> Result<Option<(u64, ObservationEpoch)>, ReadError> {
         while self.advance()? {
             if self.lines.line().trim_ascii().is_empty() {
                 continue;
             }
-            let line_number = self.lines.number();
+            let line = self.lines.number();
             let Some(epoch) = self.epoch_line() else {
-                self.report.drop_one(Reason::LineUnreadable, line_number);
+                self.report.drop_one(Reason::LineUnreadable, line);
                 continue;
             };
             match (epoch.flag, epoch.time) {
                 (0 | 1, Some(time)) => {
-                    let Some(observations) = self.observations(epoch.count)? else { continue };
-                    match self.latest {
-                        Some(latest) if time == latest => self.report.drop_one(Reason::EpochDuplicate, line_number),
-                        Some(latest) if time < latest => self.report.drop_one(Reason::EpochOutOfOrder, line_number),
-                        _ => {
-                            self.latest = Some(time);
-                            self.report.records += 1;
-                            self.report.observations += observations.len() as u64;
-                            return Ok(Some(self.finish(epoch, time, observations)));
-                        }
+                    let Some(mut observations) = self.observations(epoch.count)? else { continue };
+                    let power_failure = epoch.flag == 1;
+                    if power_failure {
+                        observations.iter_mut().for_each(|observation| observation.loss_of_lock = true);
                     }
+                    let clock_offset = epoch.clock_offset;
+                    return Ok(Some((line, ObservationEpoch { time, power_failure, clock_offset, observations })));
                 }
                 (6, _) => {
-                    self.report.drop_one(Reason::CycleSlipRecord, line_number);
+                    self.report.drop_one(Reason::CycleSlipRecord, line);
                     self.skip_satellites(epoch.count)?;
                 }
                 (2..=5, _) => {
-                    self.report.drop_one(Reason::Event, line_number);
+                    self.report.drop_one(Reason::Event, line);
                     self.event(epoch.count)?;
                 }
-                _ => self.report.drop_one(Reason::LineUnreadable, line_number),
+                _ => self.report.drop_one(Reason::LineUnreadable, line),
             }
         }
         Ok(None)
-    }
-
-    fn finish(&self, epoch: EpochLine, time: GpsTime, mut observations: Vec<Observation>) -> ObservationEpoch {
-        let power_failure = epoch.flag == 1;
-        if power_failure {
-            observations.iter_mut().for_each(|observation| observation.loss_of_lock = true);
-        }
-        ObservationEpoch { time, power_failure, clock_offset: epoch.clock_offset, observations }
     }
 
     fn advance(&mut self) -> Result<bool, ReadError> {

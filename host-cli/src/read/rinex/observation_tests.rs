@@ -151,6 +151,22 @@ fn epochs_out_of_order_or_twice_are_dropped_and_counted() {
 }
 
 #[test]
+fn a_damaged_date_in_the_future_hides_nothing() {
+    let at =
+        |minute: u32, year: u32| format!("> {year} 06 25 00 {minute:02}  0.0000000  0  1\nG05  21000000.00{minute}\n");
+    for damaged in 0..4 {
+        let file = codes_only(&(0..5).map(|i| at(i, if i == damaged { 2028 } else { 2020 })).collect::<String>());
+        let (epochs, report) = read(&file).unwrap();
+        assert_eq!(epochs.len(), 4);
+        assert_eq!(dropped(&report), [(Reason::EpochOutOfOrder, 1)].into());
+        assert_eq!(report.dropped[&Reason::EpochOutOfOrder].first_line, 4 + 2 * u64::from(damaged));
+    }
+    // A gap is no damage.
+    let (epochs, report) = read(&codes_only(&[at(0, 2020), at(0, 2021), at(1, 2021)].concat())).unwrap();
+    assert_eq!((epochs.len(), report.dropped.len()), (3, 0));
+}
+
+#[test]
 fn satellites_that_cannot_be_used_are_dropped_and_counted() {
     let file = codes_only(
         "> 2020 06 25 00 00  0.0000000  0  6\n\
