@@ -78,14 +78,14 @@ fn files_are_packed_and_dumped() {
     let dumped = surefix(directory.path(), &["log", "dump", "drive.sfl"]);
     assert_eq!((dumped.status.code(), text(&dumped.stderr)), (Some(0), ""));
     let kinds: Vec<_> = text(&dumped.stdout).lines().map(|line| line.split_whitespace().nth(1).unwrap()).collect();
-    assert_eq!(kinds, ["header", "ephemeris", "base", "rover", "base", "rover", "event"]);
+    assert_eq!(kinds, ["config", "header", "ephemeris", "base", "rover", "base", "rover", "event"]);
 
     let json = surefix(directory.path(), &["log", "dump", "--json", "drive.sfl"]);
     let records: Vec<serde_json::Value> =
         text(&json.stdout).lines().map(|line| serde_json::from_str(line).unwrap()).collect();
-    assert_eq!(records[0]["base_position"][0], 3_582_105.291);
-    assert_eq!(records[0]["base_antenna"][0], 1.5);
-    assert_eq!(records[3]["observations"][1]["phase_cycles"], 122_345_678.999);
+    assert_eq!(records[1]["base_position"][0], 3_582_105.291);
+    assert_eq!(records[1]["base_antenna"][0], 1.5);
+    assert_eq!(records[4]["observations"][1]["phase_cycles"], 122_345_678.999);
 
     let csv = surefix(directory.path(), &["log", "dump", "--csv", "drive.sfl"]);
     let row = text(&csv.stdout).lines().nth(3).unwrap().to_owned();
@@ -95,12 +95,13 @@ fn files_are_packed_and_dumped() {
 #[test]
 fn a_coordinate_that_is_given_is_used() {
     let directory = directory();
-    let given = ["--base-xyz", "-3582105.5", "532589.25", "5232754.125"];
+    let given = ["--base-xyz", "-3582105.5", "532589.25", "5232754.125", "--base-antenna", "-0.25", "0", "0"];
     let packed = surefix(directory.path(), &[&PACK[..], &given].concat());
     assert_eq!(packed.status.code(), Some(0));
     assert!(text(&packed.stderr).contains("--base-xyz is 7164.2 km from the approximate position"));
     let dumped = surefix(directory.path(), &["log", "dump", "drive.sfl"]);
     assert!(text(&dumped.stdout).contains("base -3582105.5000 532589.2500 5232754.1250"));
+    assert!(text(&dumped.stdout).contains("antennas above markers: base -0.2500 rover 1.5000"));
     let on_the_moon = surefix(directory.path(), &[&PACK[..], &["--base-xyz", "384400000", "0", "0"]].concat());
     assert_eq!(on_the_moon.status.code(), Some(3));
     assert!(text(&on_the_moon.stderr).contains("not near the ground; give ECEF metres"));
@@ -140,8 +141,8 @@ fn damage_is_shown_where_it_is_and_exits_with_1() {
     let dumped = surefix(directory.path(), &["log", "dump", "drive.sfl"]);
     assert_eq!(dumped.status.code(), Some(1));
     assert!(text(&dumped.stdout).starts_with("         1  BAD         checksum is wrong"));
-    assert_eq!(text(&dumped.stdout).lines().count(), 7);
-    let message = "drive.sfl: 1 of 7 frames are damaged (1 wrong checksum), the first at byte 1; all others are intact";
+    assert_eq!(text(&dumped.stdout).lines().count(), 8);
+    let message = "drive.sfl: 1 of 8 frames are damaged (1 wrong checksum), the first at byte 1; all others are intact";
     assert!(text(&dumped.stderr).contains(message), "{}", text(&dumped.stderr));
 
     fs::write(&path, &log[..log.len() - 30]).unwrap();

@@ -28,6 +28,10 @@ pub struct Files {
     /// Coordinate of the base marker, ECEF metres; without it the one in the header of BASE is used
     #[arg(long, num_args = 3, value_names = ["X", "Y", "Z"], allow_negative_numbers = true)]
     pub base_xyz: Option<Vec<f64>>,
+    /// Antenna reference point of the base from its marker, metres; without it the offset in the header of BASE is used.
+    /// Give 0 0 0 if the coordinate is that of the antenna
+    #[arg(long, num_args = 3, value_names = ["UP", "EAST", "NORTH"], allow_negative_numbers = true)]
+    pub base_antenna: Option<Vec<f64>>,
 }
 
 /// Files that were opened, their headers read.
@@ -55,9 +59,10 @@ impl Files {
         }
         let mut warnings = Vec::new();
         let base_position = self.base_position(base.header().approximate_position, &mut warnings)?;
+        let base_antenna = self.base_antenna.as_ref().map(|offset| offset.as_slice().try_into()).transpose()?;
         let header = Header {
             base_position: Some(base_position),
-            base_antenna: base.header().antenna_delta_hen,
+            base_antenna: base_antenna.unwrap_or(base.header().antenna_delta_hen),
             rover_antenna: rover.header().antenna_delta_hen,
         };
         Ok(OpenFiles { rover, base, navigation, header, warnings })

@@ -6,10 +6,9 @@ use super::results::{self, Results};
 use crate::log::{LogInputs, LogWriter};
 use crate::process::run::Engine;
 use crate::process::stream::Input;
+use crate::write::partial_file::PartialFile;
 use crate::write::pos::Header;
 use anyhow::Context;
-use std::fs::File;
-use std::io::BufWriter;
 use std::path::PathBuf;
 
 /// Run a device log through the filter.
@@ -38,7 +37,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let cannot_write =
         || args.output.as_ref().map_or(String::new(), |path| format!("{}: cannot be written", path.display()));
     let mut frames = match &args.output {
-        Some(path) => Some(LogWriter::new(BufWriter::new(File::create(path).with_context(cannot_write)?))),
+        Some(path) => Some(LogWriter::new(PartialFile::create(path).with_context(cannot_write)?)),
         None => None,
     };
     let header = Header { inputs: vec![args.log.display().to_string()], ..Header::default() };
@@ -61,7 +60,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         }
     }
     if let Some(frames) = frames {
-        frames.finish().with_context(cannot_write)?;
+        frames.finish().and_then(PartialFile::keep).with_context(cannot_write)?;
     }
     let damage = inputs.damage();
     if !damage.is_none() {

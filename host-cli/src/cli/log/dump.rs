@@ -1,139 +1,91 @@
-//! `surefix log`.
+//! `surefix log dump`.
 
-use super::Outcome;
-use super::engine::EngineArgs;
-use super::files::Files;
-use crate::log::{Frame, LogReader, LogWriter};
-use anyhow::Context;
+use crate::cli::Outcome;
+use crate::log::{Frame, LogReader};
+use crate::write::csv::CsvWriter;
 use serde_json::{Value, json};
-use std::fs::File;
-use std::io::{BufWriter, Write, stdout};
-use std::path::{Path, PathBuf};
+use std::io::{self, BufWriter, Write, stdout};
+use std::path::PathBuf;
 use surefix_core::gnss::ephemeris::Ephemeris;
 use surefix_core::gnss::satellite::SatelliteSet;
-use surefix_core::log::{Counts, EpochPart, Event, Header, Record, Station};
+use surefix_core::log::{Config, Counts, EpochPart, Event, Header, Record, Station};
 use surefix_core::rtk::RtkConfig;
 use surefix_core::rtk::feed::CONFIG_SCHEMA;
-
-/// Pack RINEX files into a device log, or dump one.
-#[derive(clap::Args, Debug)]
-pub struct Args {
-    #[command(subcommand)]
-    command: Command,
-}
-
-#[derive(clap::Subcommand, Debug)]
-enum Command {
-    Pack(PackArgs),
-    Dump(DumpArgs),
-}
-
-/// Make a device log of RINEX files, its records in the order in which a receiver would have them.
-///
-/// Nothing recorded is lost or rounded: `surefix replay` of the log gives what `surefix post` gives of the files.
-#[derive(clap::Args, Debug)]
-struct PackArgs {
-    #[command(flatten)]
-    files: Files,
-    #[command(flatten)]
-    engine: EngineArgs,
-    /// The log to write
-    #[arg(short, long, value_name = "FILE")]
-    output: PathBuf,
-}
 
 /// Print what a device log holds, one line a record, damaged places included.
 ///
 /// Exit code 1 if any part of the log is damaged or its end is missing.
 #[derive(clap::Args, Debug)]
-struct DumpArgs {
+pub struct Args {
     /// The log
     log: PathBuf,
     /// One JSON object a line, with every field of every record
-    #[arg(long, conflicts_with = "csv")]
+    #[arg(long, group = "form")]
     json: bool,
     /// A table of the observations, one row a signal
-    #[arg(long)]
+    #[arg(long, group = "form")]
     csv: bool,
+    /// A table of the solutions, one row an epoch
+    #[arg(long, group = "form")]
+    solutions: bool,
 }
 
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
-    match &args.command {
-        Command::Pack(args) => pack(args),
-        Command::Dump(args) => dump(args),
-    }
-}
-
-fn pack(args: &PackArgs) -> anyhow::Result<Outcome> {
-    let mut files = args.files.open()?;
-    files.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
-    // Under another name until it is complete, so that an error leaves no half log, and an input survives a slip of
-    // the pen.
-    let mut partial = args.output.clone().into_os_string();
-    partial.push(".partial");
-    let partial = PathBuf::from(partial);
-    let done = write_log(&mut files, &args.engine.rtk_config()?, &partial).and_then(|records| {
-        std::fs::rename(&partial, &args.output)
-            .with_context(|| format!("{}: cannot be written", args.output.display()))?;
-        Ok(records)
-    });
-    files.reports().iter().for_each(|report| eprintln!("{report}"));
-    match done {
-        Ok(records) => {
-            eprintln!("{}: {records} records", args.output.display());
-            Ok(Outcome::Good)
-        }
-        Err(error) => {
-            // It may not exist yet; the error is the news.
-            let _ = std::fs::remove_file(&partial);
-            Err(error)
-        }
-    }
-}
-
-fn write_log(files: &mut super::files::OpenFiles, config: &RtkConfig, path: &Path) -> anyhow::Result<u64> {
-    let cannot_write = || format!("{}: cannot be written", path.display());
-    let mut log = LogWriter::new(BufWriter::new(File::create(path).with_context(cannot_write)?));
-    let mut stream = files.stream();
-    log.config(CONFIG_SCHEMA, config).with_context(cannot_write)?;
-    let mut records = 1;
-    for input in stream.by_ref() {
-        log.input(&input?).with_context(cannot_write)?;
-        records += 1;
-    }
-    stream.coverage()?;
-    log.finish().with_context(cannot_write)?;
-    Ok(records)
-}
-
-fn dump(args: &DumpArgs) -> anyhow::Result<Outcome> {
     let mut log = LogReader::open(&args.log)?;
-    let mut out = BufWriter::new(stdout().lock());
     let mut first_bad = None;
     let mut ended = false;
-    if args.csv {
-        writeln!(
-            out,
-            "gps_week,gps_tow_s,station,satellite,signal,code_m,phase_cycles,doppler_hz,cn0_dbhz,loss_of_lock,half_cycle"
-        )?;
-    }
+    let mut printer = Printer::new(args, BufWriter::new(stdout().lock()))?;
     while let Some(frame) = log.next_frame()? {
-        match (&frame.record, args.csv, args.json) {
-            (Ok(Record::Epoch(part)), true, _) => write_rows(&mut out, part)?,
-            (_, true, _) => {}
-            (_, _, true) => writeln!(out, "{}", as_json(&frame))?,
-            _ => writeln!(out, "{:>10}  {}", frame.offset, as_text(&frame))?,
-        }
+        printer.print(&frame)?;
         match frame.record {
             Ok(record) => ended = matches!(record, Record::Event(Event::End)),
             Err(_) => first_bad = first_bad.or(Some(frame.offset)),
         }
     }
-    out.flush()?;
+    printer.finish()?;
     let problems = problems(log.counts(), first_bad, ended);
     problems.iter().for_each(|problem| eprintln!("{}: {problem}", args.log.display()));
     Ok(if problems.is_empty() { Outcome::Good } else { Outcome::Bad })
+}
+
+/// Prints frames in the form that was asked for.
+enum Printer<W: Write> {
+    Text(W),
+    Json(W),
+    Observations(W),
+    Solutions(CsvWriter<W>),
+}
+
+impl<W: Write> Printer<W> {
+    fn new(args: &Args, mut out: W) -> io::Result<Self> {
+        Ok(match args {
+            Args { json: true, .. } => Self::Json(out),
+            Args { solutions: true, .. } => Self::Solutions(CsvWriter::new(out)),
+            Args { csv: true, .. } => {
+                out.write_all(COLUMNS)?;
+                Self::Observations(out)
+            }
+            _ => Self::Text(out),
+        })
+    }
+
+    fn print(&mut self, frame: &Frame<'_>) -> io::Result<()> {
+        match (self, &frame.record) {
+            (Self::Text(out), _) => writeln!(out, "{:>10}  {}", frame.offset, as_text(frame)),
+            (Self::Json(out), _) => writeln!(out, "{}", as_json(frame)),
+            (Self::Observations(out), Ok(Record::Epoch(part))) => write_rows(out, part),
+            (Self::Solutions(table), Ok(Record::Solution(solution))) => table.push(solution),
+            (Self::Observations(_) | Self::Solutions(_), _) => Ok(()),
+        }
+    }
+
+    fn finish(self) -> io::Result<()> {
+        match self {
+            Self::Text(mut out) | Self::Json(mut out) | Self::Observations(mut out) => out.flush(),
+            Self::Solutions(table) => table.finish()?.flush(),
+        }
+    }
 }
 
 /// What is wrong with a log, and what to do.
@@ -173,6 +125,11 @@ fn problems(counts: &Counts, first_bad: Option<u64>, ended: bool) -> Vec<String>
         );
     }
     problems
+}
+
+/// The settings in a config record, if they are of the RTK filter.
+fn rtk_config(config: &Config<'_>) -> Option<RtkConfig> {
+    config.value().filter(|_| config.schema == CONFIG_SCHEMA)
 }
 
 fn station_name(station: Station) -> &'static str {
@@ -239,7 +196,10 @@ fn as_text(frame: &Frame<'_>) -> String {
             )
         }
         Record::Event(event) => format!("event       {event:?}"),
-        Record::Config(config) => format!("config      schema {}, {} bytes", config.schema, config.data.len()),
+        Record::Config(config) => match rtk_config(config) {
+            Some(_) => format!("config      RTK filter, {} bytes", config.data.len()),
+            None => format!("config      of unknown schema {}, {} bytes", config.schema, config.data.len()),
+        },
     }
 }
 
@@ -294,13 +254,23 @@ fn as_json(frame: &Frame<'_>) -> Value {
             Event::Dropped(count) => json!({ "kind": "event", "event": "dropped", "count": count }),
             Event::Marker(value) => json!({ "kind": "event", "event": "marker", "value": value }),
         },
-        Ok(Record::Config(config)) => json!({ "kind": "config", "schema": config.schema, "data": config.data }),
+        Ok(Record::Config(config)) => json!({
+            "kind": "config",
+            "schema": config.schema,
+            "data": config.data,
+            "settings": rtk_config(config),
+        }),
     };
     object["offset"] = frame.offset.into();
     object
 }
 
-fn write_rows(out: &mut impl Write, part: &EpochPart<'_>) -> std::io::Result<()> {
+/// Head of the table of observations.
+const COLUMNS: &[u8] =
+    b"gps_week,gps_tow_s,station,satellite,signal,code_m,phase_cycles,doppler_hz,cn0_dbhz,loss_of_lock,half_cycle\n";
+
+/// Observations as rows of the table.
+fn write_rows(out: &mut impl Write, part: &EpochPart<'_>) -> io::Result<()> {
     let number = |value: Option<f64>| value.map(|x| x.to_string()).unwrap_or_default();
     for o in part.observations() {
         writeln!(
