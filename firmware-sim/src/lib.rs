@@ -17,4 +17,6 @@
 use defmt_semihosting as _; // the global logger
 
 pub mod board;
+pub mod engine;
 mod panic;
+pub mod replay;

@@ -7,12 +7,14 @@
 //! | [`machine`] | the simulated machines |
 //! | [`firmware`] | building `firmware-sim` and checking what its programs say |
 //! | [`qemu`] | one run of a program in QEMU: bytes in, bytes and messages out |
+//! | [`replay`] | a device log through the firmware |
 //! | [`test`] | every check there is |
 
 mod command;
 mod firmware;
 mod machine;
 mod qemu;
+mod replay;
 mod test;
 mod toolchain;
 
@@ -40,12 +42,14 @@ enum Command {
         #[arg(long)]
         machine: Option<Machine>,
     },
+    Replay(replay::Args),
 }
 
 fn main() -> anyhow::Result<()> {
     match Cli::parse().command {
         Command::Setup => toolchain::CortexM::find_or_install().map(|found| println!("ready: {found}")),
         Command::Test => test::run_all(),
+        Command::Replay(args) => replay::run(&args),
         Command::Firmware { machine } => {
             let toolchain = toolchain::CortexM::find_or_install()?;
             Machine::selected(machine).try_for_each(|machine| firmware::test(&toolchain, machine))

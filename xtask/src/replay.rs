@@ -1,0 +1,36 @@
+//! `cargo xtask replay`: a device log through the firmware.
+
+use crate::firmware;
+use crate::machine::Machine;
+use crate::qemu;
+use crate::toolchain::CortexM;
+use anyhow::{Context, Result, ensure};
+use std::path::PathBuf;
+
+/// Replay a device log on a simulated Cortex-M
+///
+/// The answer, a log of solutions, is what `surefix replay` writes on the host, byte for byte.
+#[derive(clap::Args)]
+pub struct Args {
+    /// The log to replay
+    log: PathBuf,
+    /// Where to write the log of solutions
+    #[arg(short, long)]
+    output: Option<PathBuf>,
+    /// The machine
+    #[arg(long, default_value = "an500")]
+    machine: Machine,
+}
+
+/// Builds the firmware, runs it and writes its answer.
+pub fn run(args: &Args) -> Result<()> {
+    let log = std::fs::read(&args.log).with_context(|| format!("{} cannot be read", args.log.display()))?;
+    let programs = firmware::build(&CortexM::find_or_install()?, args.machine)?;
+    let run = qemu::run(&programs.get("replay")?, &log)?;
+    run.messages.iter().for_each(|message| println!("{message}"));
+    ensure!(run.success(), "the replay failed: {run}");
+    if let Some(output) = &args.output {
+        std::fs::write(output, &run.uart).with_context(|| format!("{} cannot be written", output.display()))?;
+    }
+    Ok(())
+}
