@@ -21,6 +21,7 @@ mod toolchain;
 use clap::{Parser, Subcommand};
 use machine::Machine;
 use std::path::Path;
+use std::process::ExitCode;
 
 /// The project's task runner.
 #[derive(Parser)]
@@ -45,8 +46,18 @@ enum Command {
     Replay(replay::Args),
 }
 
-fn main() -> anyhow::Result<()> {
-    match Cli::parse().command {
+fn main() -> ExitCode {
+    match run(Cli::parse().command) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(command: Command) -> anyhow::Result<()> {
+    match command {
         Command::Setup => toolchain::CortexM::find_or_install().map(|found| println!("ready: {found}")),
         Command::Test => test::run_all(),
         Command::Replay(args) => replay::run(&args),
