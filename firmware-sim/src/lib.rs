@@ -17,6 +17,5 @@
 use defmt_semihosting as _; // the global logger
 
 pub mod board;
-pub mod engine;
 mod panic;
 pub mod replay;

@@ -4,10 +4,13 @@
 //! as the host's.
 
 use crate::board::InstructionCounter;
-use crate::engine::Engine;
 use embedded_io::{Read, Write};
 use surefix_core::gnss::solution::{Quality, Solution};
 use surefix_core::log::{Event, FrameError, Input, InputReader, MAX_FRAME, WriteError, write_event, write_solution};
+use surefix_core::rtk::{RtkConfig, preset::Rtk64};
+
+/// The size of filter that firmware of this board would have.
+pub type Filter = Rtk64;
 
 /// Room for observations of an epoch.
 const OBSERVATIONS: usize = 192;
@@ -79,14 +82,14 @@ impl Summary {
 /// State of a replay, for a `static`.
 pub struct Replay {
     inputs: InputReader<OBSERVATIONS>,
-    engine: Engine,
+    filter: Filter,
     frame: [u8; MAX_FRAME],
 }
 
 impl Replay {
     /// A replay that has seen nothing.
     pub const fn new() -> Self {
-        Self { inputs: InputReader::new(), engine: Engine::new(), frame: [0; MAX_FRAME] }
+        Self { inputs: InputReader::new(), filter: Filter::new(RtkConfig::DEFAULT, None), frame: [0; MAX_FRAME] }
     }
 
     /// Reads a log from `source` up to its end mark or the end of the stream, and writes the answer to `sink`.
@@ -96,8 +99,8 @@ impl Replay {
         sink: W,
         counter: &InstructionCounter,
     ) -> Result<Summary, Stopped<R::Error, W::Error>> {
-        let Self { inputs, engine, frame } = self;
-        let mut answer = Answer { engine, frame, sink, counter, summary: Summary::default(), failed: None };
+        let Self { inputs, filter, frame } = self;
+        let mut answer = Answer { filter, frame, sink, counter, summary: Summary::default(), failed: None };
         let mut buffer = [0; 64];
         while !answer.summary.ended && answer.failed.is_none() {
             let count = source.read(&mut buffer).map_err(Stopped::Read)?;
@@ -125,7 +128,7 @@ impl Default for Replay {
 
 /// The answer while it is given.
 struct Answer<'a, W: Write> {
-    engine: &'a mut Engine,
+    filter: &'a mut Filter,
     frame: &'a mut [u8; MAX_FRAME],
     sink: W,
     counter: &'a InstructionCounter,
@@ -137,7 +140,7 @@ impl<W: Write> Answer<'_, W> {
     /// Tells the engine; writes its solution, if it has one now.
     fn take(&mut self, input: Input<'_>) {
         self.summary.ended |= matches!(input, Input::Event(Event::End));
-        let (solution, instructions) = self.counter.measure(|| self.engine.push(input));
+        let (solution, instructions) = self.counter.measure(|| self.filter.feed(&input));
         if let Some(solution) = solution {
             self.summary.epochs.add(instructions);
             self.summary.count(&solution);
