@@ -92,7 +92,7 @@ impl Replay {
         Self { inputs: InputReader::new(), filter: Filter::new(RtkConfig::DEFAULT, None), frame: [0; MAX_FRAME] }
     }
 
-    /// Reads a log from `source` up to its end mark or the end of the stream, and writes the answer to `sink`.
+    /// Reads a log from `source` up to its first end mark or the end of the stream, and writes the answer to `sink`.
     pub fn run<R: Read, W: Write>(
         &mut self,
         mut source: R,
@@ -110,6 +110,9 @@ impl Replay {
             for &byte in buffer.iter().take(count) {
                 if let Some(error) = inputs.push(byte, |input| answer.take(input)) {
                     answer.note_damage(error);
+                }
+                if answer.summary.ended {
+                    break;
                 }
             }
         }
