@@ -18,3 +18,4 @@ use defmt_semihosting as _; // the global logger
 
 pub mod board;
 mod panic;
+pub mod replay;

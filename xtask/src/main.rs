@@ -7,18 +7,21 @@
 //! | [`machine`] | the simulated machines |
 //! | [`firmware`] | building `firmware-sim` and checking what its programs say |
 //! | [`qemu`] | one run of a program in QEMU: bytes in, bytes and messages out |
+//! | [`replay`] | a device log through the firmware |
 //! | [`test`] | every check there is |
 
 mod command;
 mod firmware;
 mod machine;
 mod qemu;
+mod replay;
 mod test;
 mod toolchain;
 
 use clap::{Parser, Subcommand};
 use machine::Machine;
 use std::path::Path;
+use std::process::ExitCode;
 
 /// The project's task runner.
 #[derive(Parser)]
@@ -40,12 +43,24 @@ enum Command {
         #[arg(long)]
         machine: Option<Machine>,
     },
+    Replay(replay::Args),
 }
 
-fn main() -> anyhow::Result<()> {
-    match Cli::parse().command {
+fn main() -> ExitCode {
+    match run(Cli::parse().command) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(command: Command) -> anyhow::Result<()> {
+    match command {
         Command::Setup => toolchain::CortexM::find_or_install().map(|found| println!("ready: {found}")),
         Command::Test => test::run_all(),
+        Command::Replay(args) => replay::run(&args),
         Command::Firmware { machine } => {
             let toolchain = toolchain::CortexM::find_or_install()?;
             Machine::selected(machine).try_for_each(|machine| firmware::test(&toolchain, machine))

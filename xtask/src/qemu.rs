@@ -10,7 +10,7 @@ use anyhow::{Context, Result, bail};
 use defmt_decoder::{DecodeError, Table};
 use std::fmt;
 use std::io::{ErrorKind, Read, Write};
-use std::net::{Shutdown, TcpListener, TcpStream};
+use std::net::{TcpListener, TcpStream};
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 use std::thread;
@@ -72,13 +72,14 @@ pub fn run(image: &Image, input: &[u8]) -> Result<Run> {
     let listener = TcpListener::bind(("127.0.0.1", 0)).context("no loopback port for the UART")?;
     let mut qemu = spawn(image, listener.local_addr()?.port())?;
     let (stdout, stderr) = (qemu.stdout.take(), qemu.stderr.take());
+    let mut connection = None;
     thread::scope(|scope| {
         let semihosting = scope.spawn(move || read_all(stdout));
         let complaints = scope.spawn(move || read_all(stderr));
         let ran = match accept(&listener, &mut qemu) {
             Ok(uart) => {
-                let sender = uart.try_clone().context("the UART connection cannot be shared")?;
-                scope.spawn(move || send(sender, input));
+                let uart = &*connection.insert(uart);
+                scope.spawn(move || send(uart, input));
                 let received = scope.spawn(move || read_all(Some(uart)));
                 wait(&mut qemu).map(|exit_code| (exit_code, received.join().unwrap_or_default()))
             }
@@ -142,9 +143,10 @@ fn wait(qemu: &mut Child) -> Result<Option<i32>> {
     }
 }
 
-/// Sends all input. A program may end before it has read all of it; that shows in what it answers.
-fn send(mut uart: TcpStream, input: &[u8]) {
-    let _ = uart.write_all(input).and_then(|()| uart.shutdown(Shutdown::Write));
+/// Sends all input, and leaves the connection open: QEMU would take its end for that of both directions. A program may
+/// end before it has read all of it; that shows in what it answers.
+fn send(mut uart: &TcpStream, input: &[u8]) {
+    let _ = uart.write_all(input);
 }
 
 /// All bytes until the end, or until the connection breaks.

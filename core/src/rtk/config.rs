@@ -68,16 +68,21 @@ pub struct Acceptance {
     pub min_lock: u32,
 }
 
+impl Acceptance {
+    /// The default, for a `static`.
+    pub const DEFAULT: Self = Self {
+        success_rate: 0.995,
+        ratio: 2.5,
+        ratio_confirmed: 1.5,
+        min_ambiguities: 4,
+        elevation_mask: 15f64 * core::f64::consts::PI / 180.0,
+        min_lock: 1,
+    };
+}
+
 impl Default for Acceptance {
     fn default() -> Self {
-        Self {
-            success_rate: 0.995,
-            ratio: 2.5,
-            ratio_confirmed: 1.5,
-            min_ambiguities: 4,
-            elevation_mask: 15f64 * core::f64::consts::PI / 180.0,
-            min_lock: 1,
-        }
+        Self::DEFAULT
     }
 }
 
@@ -101,17 +106,22 @@ pub struct Screening {
     pub forget: f64,
 }
 
+impl Screening {
+    /// The default, for a `static`.
+    pub const DEFAULT: Self = Self {
+        outlier: 4.0,
+        slip: 0.4,
+        geometry_free: 0.05,
+        sigma_slip: 100.0,
+        sigma_stay: 1e-3,
+        max_gap: 5.0,
+        forget: 120.0,
+    };
+}
+
 impl Default for Screening {
     fn default() -> Self {
-        Self {
-            outlier: 4.0,
-            slip: 0.4,
-            geometry_free: 0.05,
-            sigma_slip: 100.0,
-            sigma_stay: 1e-3,
-            max_gap: 5.0,
-            forget: 120.0,
-        }
+        Self::DEFAULT
     }
 }
 
@@ -147,22 +157,27 @@ pub struct RtkConfig {
     pub screening: Screening,
 }
 
+impl RtkConfig {
+    /// The default, for a `static`.
+    pub const DEFAULT: Self = Self {
+        bands: BandPlan::L1L2,
+        motion: Motion::Velocity,
+        motion_noise: 4.0,
+        elevation_mask: 10f64 * core::f64::consts::PI / 180.0,
+        cn0_mask: 0.0,
+        code: Noise { constant: 0.3, elevation: 0.3 },
+        code_correlation: 20.0,
+        phase: Noise { constant: 0.002, elevation: 0.002 },
+        doppler: 0.1,
+        atmosphere: 5e-4,
+        max_age: 30.0,
+        acceptance: Acceptance::DEFAULT,
+        screening: Screening::DEFAULT,
+    };
+}
+
 impl Default for RtkConfig {
     fn default() -> Self {
-        Self {
-            bands: BandPlan::L1L2,
-            motion: Motion::Velocity,
-            motion_noise: 4.0,
-            elevation_mask: 10f64 * core::f64::consts::PI / 180.0,
-            cn0_mask: 0.0,
-            code: Noise { constant: 0.3, elevation: 0.3 },
-            code_correlation: 20.0,
-            phase: Noise { constant: 0.002, elevation: 0.002 },
-            doppler: 0.1,
-            atmosphere: 5e-4,
-            max_age: 30.0,
-            acceptance: Acceptance::default(),
-            screening: Screening::default(),
-        }
+        Self::DEFAULT
     }
 }

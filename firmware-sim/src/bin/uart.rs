@@ -14,16 +14,16 @@ fn main() -> ! {
 
 fn transfer(board: &mut Board) -> Result<(), embedded_io::ReadExactError<core::convert::Infallible>> {
     let mut length = [0; 4];
-    board.uart.read_exact(&mut length)?;
+    board.uart.receiver.read_exact(&mut length)?;
     let length = u32::from_le_bytes(length);
     let mut byte = [0];
     for index in 0..length {
-        board.uart.read_exact(&mut byte)?;
+        board.uart.receiver.read_exact(&mut byte)?;
         if index % 5 == 0 {
-            board.uart.write_all(&byte).map_err(embedded_io::ReadExactError::Other)?;
+            board.uart.transmitter.write_all(&byte).map_err(embedded_io::ReadExactError::Other)?;
         }
     }
-    board.uart.flush().map_err(embedded_io::ReadExactError::Other)?;
+    board.uart.transmitter.flush().map_err(embedded_io::ReadExactError::Other)?;
     defmt::info!("{=u32} bytes read", length);
     Ok(())
 }
