@@ -50,6 +50,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         base: simulated.base,
         navigation: vec![simulated.navigation],
         base_xyz: Some(simulation.base_position.iter().copied().collect()),
+        base_antenna: None,
     };
     let settings = Settings { bands: "G15 E15".into(), ..Settings::default() };
     let (summary, paths) = post::process(&files, &settings, &args.output, true)?;
