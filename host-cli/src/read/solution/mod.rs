@@ -181,3 +181,35 @@ fn symmetric(diagonal: [f64; 3], [xy, yz, zx]: [f64; 3]) -> Matrix3<f64> {
     let [xx, yy, zz] = diagonal;
     Matrix3::new(xx, xy, zx, xy, yy, yz, zx, yz, zz)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const POS: &str = "%  GPST  latitude(deg) longitude(deg)  height(m)   Q  ns\n\
+                       2024/06/24 08:20:00.000 35.134699011 136.977575483 104.8619 1 42 0.0024 0.0024 0.0069 0 0 0 0 12\n";
+    const TABLE: &str = "gps_week,gps_tow_s,x_m,y_m,z_m,quality\n2320,116400,-3817681.38,3562839.97,3650158.37,Fixed\n";
+
+    proptest! {
+        #[test]
+        fn any_text_is_read_or_refused(text in "\\PC*") {
+            let _ = parse("t", &text, &Options::default());
+        }
+
+        #[test]
+        fn damaged_files_are_read_or_refused(
+            table: bool, damage in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..8)
+        ) {
+            let mut bytes = if table { TABLE } else { POS }.as_bytes().to_vec();
+            for (index, byte) in damage {
+                let at = index.index(bytes.len());
+                bytes[at] = byte;
+            }
+            if let Ok(track) = parse("t", &String::from_utf8_lossy(&bytes), &Options::default()) {
+                let finite = |point: &TrackPoint| point.position.iter().all(|coordinate| coordinate.is_finite());
+                prop_assert!(track.points.iter().all(finite));
+            }
+        }
+    }
+}
