@@ -189,7 +189,7 @@ fn write_truth(truth: &[Truth], out: impl Write) -> io::Result<()> {
     table.flush()
 }
 
-/// A row of the changes of ambiguities.
+/// A row of the changes of ambiguities, in the order of [`CHANGE_COLUMNS`].
 #[derive(Serialize)]
 struct ChangeRow {
     station: &'static str,
@@ -202,9 +202,14 @@ struct ChangeRow {
     change: Change,
 }
 
+/// Columns of the changes of ambiguities: there is a header row even if there is no change.
+const CHANGE_COLUMNS: [&str; 8] =
+    ["station", "gps_week", "gps_tow_s", "satellite", "signal", "cycles", "flagged", "change"];
+
 /// Writes the changes of ambiguities of both stations.
 fn write_changes(simulation: &Simulation, out: impl Write) -> io::Result<()> {
-    let mut table = ::csv::Writer::from_writer(out);
+    let mut table = ::csv::WriterBuilder::new().has_headers(false).from_writer(out);
+    table.write_record(CHANGE_COLUMNS)?;
     let row = |station: &'static str, change: &AmbiguityChange| ChangeRow {
         station,
         gps_week: change.time.week(),
