@@ -130,7 +130,6 @@ mod tests {
     use crate::read::rinex::NavigationData;
     use std::io::Cursor;
     use surefix_core::gnss::time::GpsTime;
-    use surefix_core::gnss::time::GpsTime;
 
     fn kepler(name: &str, message: NavigationMessage, toe: GpsTime) -> Ephemeris {
         let lnav = message == NavigationMessage::Lnav;

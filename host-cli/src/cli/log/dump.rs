@@ -50,6 +50,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
 }
 
 /// Prints frames in the form that was asked for.
+#[allow(clippy::large_enum_variant)] // there is only ever one
 enum Printer<W: Write> {
     Text(W),
     Json(W),
