@@ -30,36 +30,36 @@ pub struct Args {
     /// True positions over time.
     #[arg(required_unless_present_any = ["truth_xyz", "truth_llh"])]
     truth: Option<PathBuf>,
-    /// True coordinate of an antenna at rest, ECEF [m].
+    /// True coordinate of an antenna at rest, ECEF metres.
     #[arg(long, num_args = 3, value_names = ["X", "Y", "Z"], allow_negative_numbers = true,
           conflicts_with_all = ["truth", "truth_llh"])]
     truth_xyz: Option<Vec<f64>>,
-    /// True coordinate of an antenna at rest: latitude and longitude [deg], ellipsoidal height [m].
+    /// True coordinate of an antenna at rest: latitude and longitude in degrees, ellipsoidal height in metres.
     #[arg(long, num_args = 3, value_names = ["LAT", "LON", "HEIGHT"], allow_negative_numbers = true,
           conflicts_with = "truth")]
     truth_llh: Option<Vec<f64>>,
     /// Use only rows of the truth whose quality column reads like this (4 for fixed in NMEA).
     #[arg(long, value_name = "QUALITY")]
     truth_quality: Option<String>,
-    /// GPS week of a truth that has seconds of week only [default: the one nearest to the solution].
+    /// GPS week of a truth that has seconds of week only (default: the one nearest to the solution).
     #[arg(long)]
     week: Option<i32>,
-    /// Base coordinate, ECEF [m], where a .pos has baselines.
+    /// Base coordinate, ECEF metres, where a .pos has baselines.
     #[arg(long, num_args = 3, value_names = ["X", "Y", "Z"], allow_negative_numbers = true)]
     base_xyz: Option<Vec<f64>>,
-    /// Largest difference of time between an epoch and its truth [s].
+    /// Largest difference of time between an epoch and its truth, seconds.
     #[arg(long, value_name = "SECONDS", default_value_t = 0.05)]
     tolerance: f64,
-    /// Interpolate between true positions that are at most this far apart [s]; 0 for never.
+    /// Interpolate between true positions that are at most this many seconds apart; 0 for never.
     #[arg(long, value_name = "SECONDS", default_value_t = 0.0)]
     interpolate: f64,
-    /// A fixed epoch is wrong if its 3-D error exceeds this [m].
+    /// A fixed epoch is wrong if its 3-D error exceeds this many metres.
     #[arg(long, value_name = "METERS", default_value_t = 0.1)]
     wrong_threshold: f64,
-    /// Rover epochs that the fix rate refers to [default: epochs in the solution].
+    /// Rover epochs that the fix rate refers to (default: epochs in the solution).
     #[arg(long)]
     epochs: Option<usize>,
-    /// When the clock for the first fix starts, seconds of the GPS week [default: first epoch of the solution].
+    /// When the clock for the first fix starts, seconds of the GPS week (default: first epoch of the solution).
     #[arg(long, value_name = "TOW")]
     start: Option<f64>,
     /// Print JSON instead of a table.

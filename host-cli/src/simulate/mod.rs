@@ -263,6 +263,36 @@ mod tests {
     }
 
     #[test]
+    fn noise_of_the_configured_size_is_all_that_is_added() {
+        let mut scenario = perfect();
+        scenario.duration_s = 300.0;
+        let noise = &mut scenario.rover.receiver.noise;
+        (noise.code_m, noise.phase_m) = (0.3, 0.003);
+        let noise = *noise;
+        let simulation = simulate(&scenario).unwrap();
+        let mut ambiguities: BTreeMap<(SatelliteId, Signal), f64> = BTreeMap::new();
+        let (mut code_squares, mut phase_squares, mut count) = (0.0, 0.0, 0.0);
+        for (epoch, truth) in simulation.rover.iter().zip(&simulation.truth) {
+            for observation in &epoch.observations {
+                let (code, phase) = residuals(&simulation, truth, observation);
+                let key = (observation.satellite, observation.signal);
+                let wavelength = observation.signal.wavelength(key.0.constellation(), None).unwrap();
+                let ambiguity = *ambiguities.entry(key).or_insert((phase / wavelength).round());
+                // C/N0 is noiseless here: it tells how much weaker than at the zenith the signal is.
+                let weakness = 10_f64.powf((noise.cn0_zenith - f64::from(observation.cn0.unwrap())) / 20.0);
+                code_squares += (code / (weakness * noise.code_m)).powi(2);
+                phase_squares += ((phase - wavelength * ambiguity) / (weakness * noise.phase_m)).powi(2);
+                count += 1.0;
+            }
+        }
+        // 11 000 samples give the mean square to 1.4 % (1σ).
+        assert!(count > 10_000.0, "{count}");
+        for square in [code_squares / count, phase_squares / count] {
+            assert!((square - 1.0).abs() < 0.05, "{square}");
+        }
+    }
+
+    #[test]
     fn doppler_is_the_rate_of_phase() {
         let mut scenario = perfect();
         scenario.rover.receiver.interval_s = 0.05;

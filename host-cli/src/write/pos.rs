@@ -1,9 +1,9 @@
 //! RTKLIB-compatible solution file (`.pos`): latitude, longitude, ellipsoidal height.
 //!
 //! The layout is that of `rnx2rtkp` (RTKLIB 2.4.3 manual, B.1; function `outpos` of `solution.c`): calendar GPST with
-//! milliseconds; latitude and longitude [deg]; height [m]; `Q`; number of satellites; sdn, sde, sdu [m] and the
-//! co-variances sdne, sdeu, sdun as signed square roots [m]; age [s]; ratio; and, if asked for, velocity north, east,
-//! up [m/s] with its deviations in the same order.
+//! milliseconds; latitude and longitude `[deg]`; height `[m]`; `Q`; number of satellites; sdn, sde, sdu `[m]` and the
+//! co-variances sdne, sdeu, sdun as signed square roots `[m]`; age `[s]`; ratio; and, if asked for, velocity north, east,
+//! up `[m/s]` with its deviations in the same order.
 //!
 //! RTKLIB knows no partial fix: [`Quality::Partial`] is written as `Q=1`, as is [`Quality::Fixed`], and the header
 //! says so; the CSV keeps them apart. Epochs without a position are not written.

@@ -1,7 +1,7 @@
 //! Solutions and truths: positions over time, from a `.pos` of RTKLIB or ours, our CSV, or a table with a header.
 //!
-//! The format is told by the content, not by the name; gzip is undone. See [`pos`] and [`table`] for what is
-//! understood. Rows that cannot be read are dropped and counted, with the line of the first.
+//! The format is told by the content, not by the name; gzip is undone. What is understood is said
+//! in `pos` and `table`. Rows that cannot be read are dropped and counted, with the line of the first.
 
 mod pos;
 mod table;
