@@ -83,6 +83,7 @@ impl Case {
             base: file(&self.base),
             navigation: self.navigation.iter().map(file).collect(),
             base_xyz: Some(self.base_xyz.into()),
+            base_antenna: None,
         };
         let mut settings = Settings { bands: self.bands.clone(), ..Settings::default() };
         settings.motion = self.motion.unwrap_or(settings.motion);
