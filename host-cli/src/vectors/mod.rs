@@ -57,7 +57,7 @@ pub struct Source {
 #[derive(Debug, Error)]
 pub enum VectorError {
     /// It cannot be read.
-    #[error("cannot read {}: {source}; give the path of a vector file", path.display())]
+    #[error("cannot read {}; give the path of a vector file", path.display())]
     Unreadable {
         /// The file.
         path: PathBuf,
@@ -65,7 +65,7 @@ pub enum VectorError {
         source: std::io::Error,
     },
     /// It is not JSON.
-    #[error("{} is not a vector file: {source}", path.display())]
+    #[error("{} is not a vector file, which is JSON", path.display())]
     NotJson {
         /// The file.
         path: PathBuf,
