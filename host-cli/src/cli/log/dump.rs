@@ -55,14 +55,14 @@ enum Printer<W: Write> {
     Text(W),
     Json(W),
     Observations(W),
-    Solutions(CsvWriter<W>),
+    Solutions(Box<CsvWriter<W>>),
 }
 
 impl<W: Write> Printer<W> {
     fn new(args: &Args, mut out: W) -> io::Result<Self> {
         Ok(match args {
             Args { json: true, .. } => Self::Json(out),
-            Args { solutions: true, .. } => Self::Solutions(CsvWriter::new(out)),
+            Args { solutions: true, .. } => Self::Solutions(Box::new(CsvWriter::new(out))),
             Args { csv: true, .. } => {
                 out.write_all(COLUMNS)?;
                 Self::Observations(out)
