@@ -19,8 +19,8 @@
 //! Frames: ECEF; metres, metres per second; ambiguities in cycles, reference minus satellite.
 //!
 //! Panic contract: none, on any epoch. Work per epoch: O(rows · n²) for the update with n states, plus a bounded integer
-//! search. All state and workspace is inside [`RtkFilter`], which suits a `static`; the stack use does not depend on its
-//! capacity.
+//! search. All state and workspace is inside [`RtkFilter`], which suits a `static`; the stack holds at most one word per
+//! signal of its capacity.
 
 mod channel;
 pub mod config;
@@ -47,7 +47,7 @@ use crate::spp::rows::Rows;
 use crate::spp::{self, SinglePoint, single_point};
 use channel::{Channels, GROUPS};
 use heapless::Vec;
-use link::{Link, Sight, Station, select};
+use link::{Carrier, Link, Sight, Station, select};
 use nalgebra::{Matrix3, Vector3};
 
 /// Beyond this standard deviation of the predicted position `[m]` it is taken from the single point.
@@ -367,6 +367,7 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
                 |observation: &Observation, noise: &crate::model::noise::Noise| noise.variance(sine, observation.cn0);
             let computed = rover_sight.computed - base_sight.computed;
             let doppler = rover.doppler.map(|d| -wavelength * d - rover_sight.computed_rate);
+            let carrier = rover.phase.zip(rover.doppler);
             let link = Link {
                 satellite: id,
                 slot,
@@ -380,6 +381,7 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
                 phase_variance: of(rover, &self.config.phase) + of(base, &self.config.phase) + common,
                 doppler,
                 doppler_variance: self.config.doppler * self.config.doppler / (sine * sine),
+                carrier: carrier.map(|(phase, d)| Carrier { phase: wavelength * phase, rate: -wavelength * d }),
                 loss_of_lock: rover.loss_of_lock || base.loss_of_lock,
                 half_cycle: rover.half_cycle || base.half_cycle,
                 channel: None,

@@ -8,10 +8,12 @@
 
 use super::RtkFilter;
 use super::channel::{Channel, GROUPS};
+use super::link::Link;
 use crate::filter::screen::{Row, Screened, screen};
 use crate::gnss::satellite::SatelliteId;
 use crate::gnss::solution::Solution;
 use crate::gnss::time::GpsTime;
+use heapless::Vec;
 use nalgebra::Matrix3;
 
 /// Degrees of freedom that the estimate of a variance factor remembers.
@@ -23,6 +25,11 @@ const MEMORY: f64 = 300.0;
 const USUAL_CODE: f64 = 0.25;
 /// The same for phases: 0.01 to 0.1 with geodetic antennas, 0.3 on a walk under trees.
 pub(super) const USUAL_PHASE: f64 = 0.05;
+
+/// Longest step over which a phase is predicted by Doppler `[s]`; beyond it changes of acceleration matter.
+const MAX_DOPPLER_STEP: f64 = 2.0;
+/// Standard deviations of a Doppler, held for the whole step, that a phase may differ from its prediction.
+const DOPPLER_SIGMAS: f64 = 5.0;
 
 /// How much noisier one kind of observation is than configured, from its own residuals: a running mean of χ² per degree
 /// of freedom.
@@ -79,6 +86,7 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
         }
         self.suspect(time);
         self.check_geometry_free();
+        self.check_doppler(time);
         self.reopen();
         self.screen_phase(solution);
         self.reopen();
@@ -131,6 +139,32 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
                     self.links[i].slipped = true;
                     self.links[j].slipped = true;
                 }
+            }
+        }
+    }
+
+    /// Rover phases that moved otherwise than their own Doppler says, beyond what all have in common (the clock).
+    fn check_doppler(&mut self, time: GpsTime) {
+        let Some(before) = self.time else { return };
+        let step = time.since(before);
+        if step > MAX_DOPPLER_STEP {
+            return;
+        }
+        let jump = |link: &Link| {
+            let channel = self.channels.as_slice().get(link.channel?)?;
+            (channel.last_seen == before && !link.slipped).then_some(())?;
+            Some(link.carrier?.jump_since(&channel.carrier?, step))
+        };
+        let mut jumps: Vec<f64, C> = self.links.iter().filter_map(jump).filter(|jump| jump.is_finite()).collect();
+        jumps.sort_unstable_by(f64::total_cmp);
+        // Fewer than three have no majority.
+        let (Some(&common), true) = (jumps.get(jumps.len() / 2), jumps.len() > 2) else { return };
+        for i in 0..self.links.len() {
+            let link = &self.links[i];
+            let limit = DOPPLER_SIGMAS * libm::sqrt(link.doppler_variance) * step
+                + self.config.screening.slip * link.wavelength;
+            if jump(link).is_some_and(|jump| libm::fabs(jump - common) > limit) {
+                self.links[i].slipped = true;
             }
         }
     }
@@ -313,6 +347,7 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
                 half_cycle: link.half_cycle,
                 sin_elevation: link.sin_elevation,
                 phase: 0.0,
+                carrier: None,
                 fixed: None,
             };
             // Without a code there is nothing to start from; the phase waits for one.
@@ -339,6 +374,7 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
             channel.half_cycle = link.half_cycle;
             channel.sin_elevation = link.sin_elevation;
             channel.phase = phase - channel.wavelength * channel.offset;
+            channel.carrier = link.carrier;
             if !link.phase_rejected {
                 channel.lock = channel.lock.saturating_add(1);
                 solution.satellites_used.insert(link.satellite);
