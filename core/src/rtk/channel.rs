@@ -13,6 +13,7 @@
 //!
 //! Panic contract: none; indices that do not exist are ignored.
 
+use super::link::Carrier;
 use crate::filter::gaussian::{CapacityError, Gaussian};
 use crate::gnss::satellite::{Constellation, SatelliteId};
 use crate::gnss::signal::Signal;
@@ -45,6 +46,8 @@ pub(super) struct Channel {
     pub sin_elevation: f64,
     /// Single-difference phase `[m]` with offset at the last use, for the geometry-free check.
     pub phase: f64,
+    /// The rover's carrier at the last use, for the Doppler check.
+    pub carrier: Option<Carrier>,
     /// The accepted integer nᵢ, 0 for the reference.
     pub fixed: Option<f64>,
 }

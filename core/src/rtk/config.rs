@@ -60,11 +60,14 @@ pub struct Acceptance {
     pub ratio: f64,
     /// Least ratio where the integers agree with those accepted before and no slip intervened.
     pub ratio_confirmed: f64,
+    /// Least success rate where the integers agree with those accepted before: they were proven then, and the data has
+    /// not changed its mind.
+    pub success_rate_confirmed: f64,
     /// Least number of ambiguities in a fixed set.
     pub min_ambiguities: usize,
     /// Satellites below this elevation `[rad]` are not fixed.
     pub elevation_mask: f64,
-    /// Epochs of continuous lock before an ambiguity is fixed.
+    /// Epochs of continuous lock before an ambiguity is fixed, unless none has more.
     pub min_lock: u32,
 }
 
@@ -74,9 +77,10 @@ impl Acceptance {
         success_rate: 0.995,
         ratio: 2.5,
         ratio_confirmed: 1.5,
+        success_rate_confirmed: 0.9,
         min_ambiguities: 4,
-        elevation_mask: 15f64 * core::f64::consts::PI / 180.0,
-        min_lock: 1,
+        elevation_mask: 12f64 * core::f64::consts::PI / 180.0,
+        min_lock: 3,
     };
 }
 

@@ -97,11 +97,14 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
         let acceptance = self.config.acceptance;
         let mask = libm::sin(acceptance.elevation_mask);
         let channels = self.channels.as_slice();
+        // After a start or an outage all are young.
+        let oldest = channels.iter().filter(|c| c.last_seen == time).map(|channel| channel.lock).max().unwrap_or(0);
+        let min_lock = acceptance.min_lock.min(oldest);
         let serves = |channel: &super::channel::Channel| {
             channel.last_seen == time
                 && channel.is_integer()
                 && channel.sin_elevation >= mask
-                && channel.lock >= acceptance.min_lock
+                && channel.lock >= min_lock
         };
         self.integers.candidates.clear();
         for (i, channel) in channels.iter().enumerate() {
@@ -114,7 +117,8 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
         }
         self.integers.candidates.sort_unstable_by(|&a, &b| {
             let elevation = |i: u8| channels.get(usize::from(i)).map_or(0.0, |channel| channel.sin_elevation);
-            elevation(b).total_cmp(&elevation(a)).then(a.cmp(&b))
+            let known = |i: u8| channels.get(usize::from(i)).is_some_and(|channel| channel.fixed.is_some());
+            known(b).cmp(&known(a)).then(elevation(b).total_cmp(&elevation(a))).then(a.cmp(&b))
         });
     }
 
@@ -148,8 +152,8 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
             self.channels.as_slice().get(usize::from(i)).and_then(|channel| channel.fixed) == Some(n as f64)
         });
         // The distance of the floats from the integers is χ² with m degrees of freedom. Where it is larger, the floats
-        // are worse than their covariance says, and so is the success rate.
-        let factor = (resolution.best_norm / m as f64).max(1.0);
+        // are worse than their covariance says, and so is the success rate; integers that were proven before are not.
+        let factor = if confirmed { 1.0 } else { (resolution.best_norm / m as f64).max(1.0) };
         work.residual[..m].copy_from_slice(resolution.variances);
         for variance in &mut work.residual[..m] {
             *variance *= factor;
@@ -159,12 +163,16 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
             solution.ratio = resolution.ratio;
             solution.success_rate = success_rate;
         }
-        let threshold = if confirmed { acceptance.ratio_confirmed } else { acceptance.ratio };
-        let refused = if success_rate < acceptance.success_rate {
+        let (least_success, least_ratio) = if confirmed {
+            (acceptance.success_rate_confirmed, acceptance.ratio_confirmed)
+        } else {
+            (acceptance.success_rate, acceptance.ratio)
+        };
+        let refused = if success_rate < least_success {
             Some(Reason::SuccessRateLow)
         } else if resolution.method == Method::Bootstrapped {
             Some(Reason::SearchBudget)
-        } else if resolution.ratio < threshold {
+        } else if resolution.ratio < least_ratio {
             Some(Reason::RatioLow)
         } else {
             None

@@ -25,6 +25,23 @@ use crate::gnss::time::GpsTime;
 use heapless::Vec;
 use nalgebra::Vector3;
 
+/// The carrier of one receiver.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Carrier {
+    /// λφ `[m]`.
+    pub phase: f64,
+    /// −λD `[m/s]`.
+    pub rate: f64,
+}
+
+impl Carrier {
+    /// By how much the phase moved beyond what the mean of the rates at both ends of `step` seconds predicts `[m]`. The
+    /// trapezoid is exact for constant acceleration.
+    pub fn jump_since(&self, before: &Self, step: f64) -> f64 {
+        self.phase - before.phase - 0.5 * (self.rate + before.rate) * step
+    }
+}
+
 /// A single difference, rover minus base, of one signal.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Link {
@@ -44,6 +61,8 @@ pub(super) struct Link {
     /// Rover range rate residual for a rover at rest `[m/s]`.
     pub doppler: Option<f64>,
     pub doppler_variance: f64,
+    /// The rover's carrier as it came: phase and range rate −λD, clocks included `[m, m/s]`.
+    pub carrier: Option<Carrier>,
     /// Either receiver reported a loss of lock.
     pub loss_of_lock: bool,
     /// Either receiver reported an unresolved half cycle.
@@ -70,7 +89,9 @@ fn rank(constellation: Constellation, signal: Signal) -> usize {
 }
 
 /// Keeps one observation for each satellite and band of the plan: that with the attribute `preferred` for its group if
-/// there is one, else the first in order of preference; a phase before none. Returns how many found no room.
+/// there is one, else the first in order of preference; a phase before none. Where there are more than C, those of the
+/// first bands stay and then the lower satellites, whatever their order in the file, so that both stations keep the
+/// same. Returns how many found no room.
 pub(super) fn select<const C: usize>(
     observations: &[Observation],
     plan: &BandPlan,
@@ -90,10 +111,19 @@ pub(super) fn select<const C: usize>(
             let wanted = preferred[group(constellation, slot)];
             (o.phase.is_none(), o.signal.attribute() != wanted, rank(constellation, o.signal))
         };
-        match chosen.iter_mut().find(|o| o.satellite == observation.satellite && o.signal.band() == band) {
-            Some(other) if merit(observation) < merit(other) => *other = *observation,
-            Some(_) => {}
-            None => overflow += usize::from(chosen.push(*observation).is_err()),
+        let is_same = |o: &&mut Observation| o.satellite == observation.satellite && o.signal.band() == band;
+        if let Some(other) = chosen.iter_mut().find(is_same) {
+            if merit(observation) < merit(other) {
+                *other = *observation;
+            }
+        } else if chosen.push(*observation).is_err() {
+            overflow += 1;
+            let order = |o: &Observation| (plan.slot(o.satellite.constellation(), o.signal.band()), o.satellite);
+            if let Some(last) = chosen.iter_mut().max_by_key(|o| order(o))
+                && order(observation) < order(last)
+            {
+                *last = *observation;
+            }
         }
     }
     overflow

@@ -19,8 +19,8 @@
 //! Frames: ECEF; metres, metres per second; ambiguities in cycles, reference minus satellite.
 //!
 //! Panic contract: none, on any epoch. Work per epoch: O(rows · n²) for the update with n states, plus a bounded integer
-//! search. All state and workspace is inside [`RtkFilter`], which suits a `static`; the stack use does not depend on its
-//! capacity.
+//! search. All state and workspace is inside [`RtkFilter`], which suits a `static`; the stack holds at most one word per
+//! signal of its capacity.
 
 mod channel;
 pub mod config;
@@ -47,7 +47,7 @@ use crate::spp::rows::Rows;
 use crate::spp::{self, SinglePoint, single_point};
 use channel::{Channels, GROUPS};
 use heapless::Vec;
-use link::{Link, Sight, Station, select};
+use link::{Carrier, Link, Sight, Station, select};
 use nalgebra::{Matrix3, Vector3};
 
 /// Beyond this standard deviation of the predicted position `[m]` it is taken from the single point.
@@ -102,9 +102,11 @@ pub struct RtkFilter<const C: usize, const N: usize, const E: usize> {
     common: CommonTerm<f64, N>,
     spp_rows: Rows<C>,
     integers: fix::Integers<C>,
-    /// Variance factor of the codes against their configured noise, and the degrees of freedom it rests on.
-    code_factor: f64,
-    code_memory: f64,
+    /// Variance factors of codes and phases against their configured noise.
+    code_factor: track::VarianceFactor,
+    phase_factor: track::VarianceFactor,
+    /// Codes used of late.
+    codes: Vec<track::CodeUse, C>,
 }
 
 impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
@@ -134,8 +136,9 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
             common: CommonTerm::new(),
             spp_rows: Rows::new(),
             integers: fix::Integers::new(),
-            code_factor: 1.0,
-            code_memory: 2.0,
+            code_factor: track::VarianceFactor::NOMINAL,
+            phase_factor: track::VarianceFactor::NOMINAL,
+            codes: Vec::new(),
         }
     }
 
@@ -233,6 +236,7 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
         self.time = None;
         self.density.clear();
         self.channels.clear();
+        self.codes.clear();
     }
 
     /// Without enough satellites the motion model alone would carry the position: let the next epoch start it anew.
@@ -263,7 +267,9 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
                 let noise = motion.process_noise(h, self.config.motion_noise);
                 self.density.propagate(motion.order(), &motion.transition(h), &[noise; 3]);
                 self.absorb_position();
-                let stay = self.config.screening.sigma_stay * self.config.screening.sigma_stay * h;
+                // Noisy phases drift more as well: multipath and foliage.
+                let sigma_stay = self.config.screening.sigma_stay;
+                let stay = sigma_stay * sigma_stay * h * self.phase_factor.above(track::USUAL_PHASE);
                 for channel in self.channels.as_slice() {
                     if let Some(state) = channel.state {
                         let per_unit = channel.wavelength / channel.unit();
@@ -276,8 +282,7 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
                 }
             }
             None => {
-                self.density.clear();
-                self.channels.clear();
+                self.restart();
                 for _ in 0..motion.states() {
                     // The capacity is at least nine states.
                     let _ = self.density.push(0.0, 1.0);
@@ -362,6 +367,7 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
                 |observation: &Observation, noise: &crate::model::noise::Noise| noise.variance(sine, observation.cn0);
             let computed = rover_sight.computed - base_sight.computed;
             let doppler = rover.doppler.map(|d| -wavelength * d - rover_sight.computed_rate);
+            let carrier = rover.phase.zip(rover.doppler);
             let link = Link {
                 satellite: id,
                 slot,
@@ -375,6 +381,7 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
                 phase_variance: of(rover, &self.config.phase) + of(base, &self.config.phase) + common,
                 doppler,
                 doppler_variance: self.config.doppler * self.config.doppler / (sine * sine),
+                carrier: carrier.map(|(phase, d)| Carrier { phase: wavelength * phase, rate: -wavelength * d }),
                 loss_of_lock: rover.loss_of_lock || base.loss_of_lock,
                 half_cycle: rover.half_cycle || base.half_cycle,
                 channel: None,

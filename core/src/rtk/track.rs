@@ -8,13 +8,64 @@
 
 use super::RtkFilter;
 use super::channel::{Channel, GROUPS};
+use super::link::Link;
 use crate::filter::screen::{Row, Screened, screen};
+use crate::gnss::satellite::SatelliteId;
 use crate::gnss::solution::Solution;
 use crate::gnss::time::GpsTime;
+use heapless::Vec;
 use nalgebra::Matrix3;
 
-/// Degrees of freedom that the estimate of the code noise remembers.
-const CODE_MEMORY: f64 = 300.0;
+/// Degrees of freedom that the estimate of a variance factor remembers.
+const MEMORY: f64 = 300.0;
+
+/// Variance of code residuals of good receivers, in units of the configured one, which overbounds it: what matters to the
+/// integers is the slow part (multipath), which residuals over an epoch do not show. Geodetic receivers have 0.05 to 0.2,
+/// a patch antenna on a cheap receiver 0.8.
+const USUAL_CODE: f64 = 0.25;
+/// The same for phases: 0.01 to 0.1 with geodetic antennas, 0.3 on a walk under trees.
+pub(super) const USUAL_PHASE: f64 = 0.05;
+
+/// Longest step over which a phase is predicted by Doppler `[s]`; beyond it changes of acceleration matter.
+const MAX_DOPPLER_STEP: f64 = 2.0;
+/// Standard deviations of a Doppler, held for the whole step, that a phase may differ from its prediction.
+const DOPPLER_SIGMAS: f64 = 5.0;
+
+/// How much noisier one kind of observation is than configured, from its own residuals: a running mean of χ² per degree
+/// of freedom.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct VarianceFactor {
+    mean: f64,
+    degrees_of_freedom: f64,
+}
+
+impl VarianceFactor {
+    /// As configured, until residuals say otherwise.
+    pub const NOMINAL: Self = Self { mean: 1.0, degrees_of_freedom: 2.0 };
+
+    /// The first epochs count by their degrees of freedom, later ones by the memory.
+    fn learn(&mut self, outcome: Screened) {
+        if outcome.degrees_of_freedom > 0 {
+            let dof = outcome.degrees_of_freedom as f64;
+            self.degrees_of_freedom = (self.degrees_of_freedom + dof).min(MEMORY);
+            self.mean += (outcome.chi_square / dof - self.mean) * dof / self.degrees_of_freedom;
+        }
+    }
+
+    /// The factor for a kind of observation whose residuals are normally `usual` times as large (in variance) as
+    /// configured; at least 1, because residuals cannot show what all satellites or epochs have in common.
+    pub fn above(&self, usual: f64) -> f64 {
+        (self.mean / usual).max(1.0)
+    }
+}
+
+/// When a code was last used, whatever its phase did.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct CodeUse {
+    satellite: SatelliteId,
+    slot: usize,
+    last_used: GpsTime,
+}
 
 impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
     /// Remembers losses of lock of rover signals, whether or not this epoch will use them.
@@ -35,6 +86,7 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
         }
         self.suspect(time);
         self.check_geometry_free();
+        self.check_doppler(time);
         self.reopen();
         self.screen_phase(solution);
         self.reopen();
@@ -91,6 +143,32 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
         }
     }
 
+    /// Rover phases that moved otherwise than their own Doppler says, beyond what all have in common (the clock).
+    fn check_doppler(&mut self, time: GpsTime) {
+        let Some(before) = self.time else { return };
+        let step = time.since(before);
+        if step > MAX_DOPPLER_STEP {
+            return;
+        }
+        let jump = |link: &Link| {
+            let channel = self.channels.as_slice().get(link.channel?)?;
+            (channel.last_seen == before && !link.slipped).then_some(())?;
+            Some(link.carrier?.jump_since(&channel.carrier?, step))
+        };
+        let mut jumps: Vec<f64, C> = self.links.iter().filter_map(jump).filter(|jump| jump.is_finite()).collect();
+        jumps.sort_unstable_by(f64::total_cmp);
+        // Fewer than three have no majority.
+        let (Some(&common), true) = (jumps.get(jumps.len() / 2), jumps.len() > 2) else { return };
+        for i in 0..self.links.len() {
+            let link = &self.links[i];
+            let limit = DOPPLER_SIGMAS * libm::sqrt(link.doppler_variance) * step
+                + self.config.screening.slip * link.wavelength;
+            if jump(link).is_some_and(|jump| libm::fabs(jump - common) > limit) {
+                self.links[i].slipped = true;
+            }
+        }
+    }
+
     /// Marks the phases that contradict the others: as slips where the error is that large, else as outliers.
     fn screen_phase(&mut self, solution: &mut Solution) {
         self.rows.clear();
@@ -115,6 +193,7 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
         let examined = self.rows.iter().filter(|row| !row.excluded).count();
         let information = self.position_information();
         let outcome = screen(&mut self.rows, &information, self.config.screening.outlier);
+        self.phase_factor.learn(outcome);
         // If most contradict each other there is no telling who is right.
         let hopeless = 2 * outcome.outliers > examined;
         for (link, row) in self.links.iter_mut().zip(&self.rows).filter(|(_, row)| row.error != 0.0 || hopeless) {
@@ -129,8 +208,6 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
 
     /// Marks the codes that contradict the others.
     pub(super) fn screen_code(&mut self, solution: &mut Solution) {
-        let step = solution.time.since(self.time.unwrap_or(solution.time));
-        let correlation = 2.0 * self.config.code_correlation;
         self.rows.clear();
         for link in &self.links {
             let _ = self.rows.push(Row {
@@ -144,31 +221,28 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
         }
         let information = self.position_information();
         let outcome = screen(&mut self.rows, &information, self.config.screening.outlier);
-        self.learn_code_noise(outcome);
+        self.code_factor.learn(outcome);
         for (link, _) in self.links.iter_mut().zip(&self.rows).filter(|(_, row)| row.error != 0.0) {
             link.code_rejected = true;
             solution.satellites_rejected.insert(link.satellite);
         }
         // Correlated noise: after the first use of a code, information accrues at 1/2τ and not once an epoch.
-        for link in &mut self.links {
-            let channel = link.channel.and_then(|i| self.channels.as_slice().get(i));
-            link.code_variance *= self.code_factor.max(1.0);
-            if step > 0.0 && channel.is_some_and(|channel| channel.lock > 0) {
-                link.code_variance *= (correlation / step).max(1.0);
+        let (time, correlation) = (solution.time, 2.0 * self.config.code_correlation);
+        self.codes.retain(|code| time.since(code.last_used) < correlation);
+        for link in self.links.iter_mut().filter(|link| link.code.is_some() && !link.code_rejected) {
+            link.code_variance *= self.code_factor.above(USUAL_CODE);
+            let is_same = |code: &&mut CodeUse| code.satellite == link.satellite && code.slot == link.slot;
+            match self.codes.iter_mut().find(is_same) {
+                Some(code) => {
+                    link.code_variance *= correlation / time.since(code.last_used);
+                    code.last_used = time;
+                }
+                // A code without room here counts as news.
+                None => {
+                    let _ = self.codes.push(CodeUse { satellite: link.satellite, slot: link.slot, last_used: time });
+                }
             }
         }
-    }
-
-    /// How much noisier the codes are than configured, from their own residuals: a running mean of the variance factor.
-    fn learn_code_noise(&mut self, outcome: Screened) {
-        if outcome.degrees_of_freedom == 0 {
-            return;
-        }
-        let dof = outcome.degrees_of_freedom as f64;
-        let factor = outcome.chi_square / dof;
-        // The first epochs count by their degrees of freedom, later ones by the memory.
-        self.code_memory = (self.code_memory + dof).min(CODE_MEMORY);
-        self.code_factor += (factor - self.code_factor) * dof / self.code_memory;
     }
 
     /// Inverse of the covariance of the predicted position.
@@ -273,6 +347,7 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
                 half_cycle: link.half_cycle,
                 sin_elevation: link.sin_elevation,
                 phase: 0.0,
+                carrier: None,
                 fixed: None,
             };
             // Without a code there is nothing to start from; the phase waits for one.
@@ -299,6 +374,7 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
             channel.half_cycle = link.half_cycle;
             channel.sin_elevation = link.sin_elevation;
             channel.phase = phase - channel.wavelength * channel.offset;
+            channel.carrier = link.carrier;
             if !link.phase_rejected {
                 channel.lock = channel.lock.saturating_add(1);
                 solution.satellites_used.insert(link.satellite);
