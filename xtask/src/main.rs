@@ -7,12 +7,14 @@
 //! | [`machine`] | the simulated machines |
 //! | [`firmware`] | building `firmware-sim` and checking what its programs say |
 //! | [`qemu`] | one run of a program in QEMU: bytes in, bytes and messages out |
+//! | [`peers`] | the real cases in surefix and in RTKLIB |
 //! | [`replay`] | a device log through the firmware |
 //! | [`test`] | every check there is |
 
 mod command;
 mod firmware;
 mod machine;
+mod peers;
 mod qemu;
 mod replay;
 mod test;
@@ -20,7 +22,7 @@ mod toolchain;
 
 use clap::{Parser, Subcommand};
 use machine::Machine;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// The project's task runner.
@@ -44,6 +46,12 @@ enum Command {
         machine: Option<Machine>,
     },
     Replay(replay::Args),
+    /// Print what surefix and RTKLIB make of the real cases, side by side (installs Debian's rtklib where it is missing)
+    Peers {
+        /// Directory of the real data [default: ../shared/data beside the checkout]
+        #[arg(long, value_name = "DIR")]
+        data: Option<PathBuf>,
+    },
 }
 
 fn main() -> ExitCode {
@@ -60,6 +68,7 @@ fn run(command: Command) -> anyhow::Result<()> {
     match command {
         Command::Setup => toolchain::CortexM::find_or_install().map(|found| println!("ready: {found}")),
         Command::Test => test::run_all(),
+        Command::Peers { data } => peers::compare(&data.unwrap_or_else(|| repository().join("../shared/data"))),
         Command::Replay(args) => replay::run(&args),
         Command::Firmware { machine } => {
             let toolchain = toolchain::CortexM::find_or_install()?;
