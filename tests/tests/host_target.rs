@@ -90,6 +90,7 @@ fn a_real_drive_is_answered_alike() {
         base: data.join("base.obs.gz"),
         navigation: vec![data.join("rover.nav.gz")],
         base_xyz: None,
+        base_antenna: None,
     };
     let mut files = files.open().unwrap();
     let mut log = LogWriter::new(Vec::new());
