@@ -24,7 +24,11 @@ impl<W: Write> CsvWriter<W> {
 
     /// Writes one epoch.
     pub fn push(&mut self, solution: &Solution) -> io::Result<()> {
-        self.out.serialize(Row::from(solution)).map_err(io::Error::from)
+        self.out.serialize(Row::from(solution)).map_err(|error| match error.into_kind() {
+            // The error of the sink as it is: its kind matters, a closed pipe is no failure.
+            ::csv::ErrorKind::Io(error) => error,
+            other => io::Error::other(format!("{other:?}")),
+        })
     }
 
     /// Flushes and hands back the sink.
@@ -153,6 +157,24 @@ mod tests {
     use super::*;
     use nalgebra::Vector3;
     use surefix_core::gnss::time::GpsTime;
+
+    #[test]
+    fn an_error_of_the_sink_keeps_its_kind() {
+        struct Closed;
+        impl Write for Closed {
+            fn write(&mut self, _: &[u8]) -> io::Result<usize> {
+                Err(io::ErrorKind::BrokenPipe.into())
+            }
+            fn flush(&mut self) -> io::Result<()> {
+                Ok(())
+            }
+        }
+        let mut table = CsvWriter::new(Closed);
+        let solution = Solution::none(surefix_core::gnss::time::GpsTime::from_nanoseconds(0), Reason::NoBase);
+        // The table is buffered: the error comes as soon as the buffer is full.
+        let error = (0..1000).find_map(|_| table.push(&solution).err()).unwrap();
+        assert_eq!(error.kind(), io::ErrorKind::BrokenPipe);
+    }
 
     #[test]
     fn every_field_has_its_column() {
