@@ -7,10 +7,7 @@ use crate::board::InstructionCounter;
 use embedded_io::{Read, Write};
 use surefix_core::gnss::solution::{Quality, Solution};
 use surefix_core::log::{Event, FrameError, Input, InputReader, MAX_FRAME, WriteError, write_event, write_solution};
-use surefix_core::rtk::{RtkConfig, preset::Rtk64};
-
-/// The size of filter that firmware of this board would have.
-pub type Filter = Rtk64;
+use surefix_core::rtk::RtkFilter;
 
 /// Room for observations of an epoch.
 const OBSERVATIONS: usize = 192;
@@ -79,17 +76,29 @@ impl Summary {
     }
 }
 
-/// State of a replay, for a `static`.
-pub struct Replay {
+/// A filter of any size.
+pub trait Filter {
+    /// Takes one record of a log. A rover epoch is answered by a solution.
+    fn feed(&mut self, input: &Input<'_>) -> Option<Solution>;
+}
+
+impl<const C: usize, const N: usize, const E: usize> Filter for RtkFilter<C, N, E> {
+    fn feed(&mut self, input: &Input<'_>) -> Option<Solution> {
+        RtkFilter::feed(self, input)
+    }
+}
+
+/// State of a replay by a filter of some size, for a `static`.
+pub struct Replay<F> {
     inputs: InputReader<OBSERVATIONS>,
-    filter: Filter,
+    filter: F,
     frame: [u8; MAX_FRAME],
 }
 
-impl Replay {
-    /// A replay that has seen nothing.
-    pub const fn new() -> Self {
-        Self { inputs: InputReader::new(), filter: Filter::new(RtkConfig::DEFAULT, None), frame: [0; MAX_FRAME] }
+impl<F: Filter> Replay<F> {
+    /// A replay by a filter that has seen nothing.
+    pub const fn new(filter: F) -> Self {
+        Self { inputs: InputReader::new(), filter, frame: [0; MAX_FRAME] }
     }
 
     /// Reads a log from `source` up to its first end mark or the end of the stream, and writes the answer to `sink`.
@@ -123,15 +132,9 @@ impl Replay {
     }
 }
 
-impl Default for Replay {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
 /// The answer while it is given.
-struct Answer<'a, W: Write> {
-    filter: &'a mut Filter,
+struct Answer<'a, F, W: Write> {
+    filter: &'a mut F,
     frame: &'a mut [u8; MAX_FRAME],
     sink: W,
     counter: &'a InstructionCounter,
@@ -139,7 +142,7 @@ struct Answer<'a, W: Write> {
     failed: Option<W::Error>,
 }
 
-impl<W: Write> Answer<'_, W> {
+impl<F: Filter, W: Write> Answer<'_, F, W> {
     /// Tells the engine; writes its solution, if it has one now.
     fn take(&mut self, input: Input<'_>) {
         self.summary.ended |= matches!(input, Input::Event(Event::End));
@@ -174,6 +177,25 @@ impl<W: Write> Answer<'_, W> {
             self.failed = self.sink.write_all(bytes).err();
         }
     }
+}
+
+/// Makes a program of a preset of the filter: it replays the log that comes over UART0, answers there, and says by defmt
+/// what that took.
+#[macro_export]
+macro_rules! replay_over_uart {
+    ($preset:ty) => {
+        #[cortex_m_rt::entry]
+        fn main() -> ! {
+            static mut REPLAY: $crate::replay::Replay<$preset> =
+                $crate::replay::Replay::new(<$preset>::new(surefix_core::rtk::RtkConfig::DEFAULT, None));
+            use $crate::board::{self, Board};
+            let Some(Board { counter, uart, stack }) = Board::take() else { board::exit(1) };
+            let Ok(summary) = REPLAY.run(uart.receiver, uart.transmitter, &counter);
+            summary.report();
+            defmt::info!("peak stack: {=usize}", stack.peak());
+            board::exit(if summary.ended { 0 } else { 1 })
+        }
+    };
 }
 
 /// Which stream failed.

@@ -9,6 +9,7 @@
 //! | [`qemu`] | one run of a program in QEMU: bytes in, bytes and messages out |
 //! | [`peers`] | the real cases in surefix and in RTKLIB |
 //! | [`replay`] | a device log through the firmware |
+//! | [`size`] | what the filter takes on a Cortex-M, for the README |
 //! | [`test`] | every check there is |
 
 mod command;
@@ -17,6 +18,7 @@ mod machine;
 mod peers;
 mod qemu;
 mod replay;
+mod size;
 mod test;
 mod toolchain;
 
@@ -52,6 +54,8 @@ enum Command {
         #[arg(long, value_name = "DIR")]
         data: Option<PathBuf>,
     },
+    /// Measure flash, RAM, stack and instructions of the presets, and write the table in README.md
+    Size,
 }
 
 fn main() -> ExitCode {
@@ -70,6 +74,7 @@ fn run(command: Command) -> anyhow::Result<()> {
         Command::Test => test::run_all(),
         Command::Peers { data } => peers::compare(&data.unwrap_or_else(|| repository().join("../shared/data"))),
         Command::Replay(args) => replay::run(&args),
+        Command::Size => size::run(&toolchain::CortexM::find_or_install()?),
         Command::Firmware { machine } => {
             let toolchain = toolchain::CortexM::find_or_install()?;
             Machine::selected(machine).try_for_each(|machine| firmware::test(&toolchain, machine))

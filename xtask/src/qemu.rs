@@ -33,6 +33,11 @@ impl Image {
         let elf = std::fs::read(&path).with_context(|| format!("{} cannot be read; build it first", path.display()))?;
         Ok(Self { machine, path, elf })
     }
+
+    /// The bytes of the ELF file.
+    pub fn elf(&self) -> &[u8] {
+        &self.elf
+    }
 }
 
 /// What came of a run.

@@ -33,7 +33,7 @@ pub fn run(args: &Args) -> Result<()> {
         log.extend_from_slice(END_MARK);
     }
     let programs = firmware::build(&CortexM::find_or_install()?, args.machine)?;
-    let run = qemu::run(&programs.get("replay")?, &log)?;
+    let run = qemu::run(&programs.get("replay64")?, &log)?;
     run.messages.iter().for_each(|message| println!("{message}"));
     ensure!(run.success(), "the replay failed: {run}");
     if let Some(output) = &args.output {

@@ -2,6 +2,7 @@
 #![no_std]
 #![no_main]
 
+use surefix_core::rtk::{RtkConfig, preset::Rtk32};
 use surefix_firmware::board::{self, Board};
 use surefix_firmware::replay::Replay;
 
@@ -10,7 +11,7 @@ static LOG: &[u8] = include_bytes!("../../smoke/drive.log");
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
-    static mut REPLAY: Replay = Replay::new();
+    static mut REPLAY: Replay<Rtk32> = Replay::new(Rtk32::new(RtkConfig::DEFAULT, None));
     let Some(board) = Board::take() else { board::exit(1) };
     let Ok(summary) = REPLAY.run(LOG, Nowhere, &board.counter);
     let [fixed, partial, ..] = summary.qualities;

@@ -1,0 +1,81 @@
+//! `cargo xtask size`: what the filter takes on a Cortex-M, as a table for the README.
+//!
+//! Flash and static RAM are those of the whole program `replay16`, `replay32`, `replay64`: filter, device log, serial
+//! line and messages. Stack and instructions are measured while it replays the smoke test's log, 16 satellites on two
+//! bands. Instructions are counted by QEMU's virtual clock; they are not cycles.
+
+use crate::firmware::{self, Programs};
+use crate::machine::Machine;
+use crate::qemu;
+use crate::repository;
+use crate::toolchain::CortexM;
+use anyhow::{Context, Result, ensure};
+use object::read::elf::{FileHeader, ProgramHeader};
+use object::{Endianness, elf};
+use std::fmt::Write;
+
+const PRESETS: [u32; 3] = [16, 32, 64];
+const LOG: &[u8] = include_bytes!("../../firmware-sim/smoke/drive.log");
+/// Where RAM begins in `memory.x`.
+const RAM: u32 = 0x2000_0000;
+const BEGIN: &str = "<!-- cargo xtask size: begin -->\n";
+const END: &str = "<!-- cargo xtask size: end -->";
+
+/// Measures, prints the table, and writes it into the README if that has the place for it.
+pub fn run(toolchain: &CortexM) -> Result<()> {
+    let mut table = String::from(
+        "| preset | core | flash KB | static RAM KB | peak stack KB | instructions per epoch, mean | most |\n\
+         |---|---|---|---|---|---|---|\n",
+    );
+    for machine in Machine::ALL {
+        let programs = firmware::build(toolchain, machine)?;
+        for signals in PRESETS {
+            writeln!(table, "{}", row(&programs, machine, signals)?)?;
+        }
+    }
+    println!("\n{table}");
+    write_between_marks(&table)
+}
+
+fn row(programs: &Programs, machine: Machine, signals: u32) -> Result<String> {
+    let image = programs.get(&format!("replay{signals}"))?;
+    let (flash, ram) = memory(image.elf())?;
+    let run = qemu::run(&image, LOG)?;
+    ensure!(run.success(), "replay{signals} failed: {run}");
+    let value = |name| {
+        let found = run.messages.iter().find_map(|message| message.strip_prefix(&format!("INFO {name}: ")));
+        found.and_then(|value| value.parse::<f64>().ok()).with_context(|| format!("no message `{name}`: {run}"))
+    };
+    Ok(format!(
+        "| `Rtk{signals}` | {} | {:.0} | {:.0} | {:.1} | {:.2} M | {:.2} M |",
+        machine.core(),
+        f64::from(flash) / 1e3,
+        f64::from(ram) / 1e3,
+        value("peak stack")? / 1e3,
+        value("instructions per epoch, mean")? / 1e6,
+        value("instructions per epoch, most")? / 1e6,
+    ))
+}
+
+/// Bytes of flash and of static RAM that a program takes.
+fn memory(program: &[u8]) -> Result<(u32, u32)> {
+    let header = elf::FileHeader32::<Endianness>::parse(program).context("not an ELF file")?;
+    let endian = header.endian()?;
+    let (mut flash, mut ram) = (0, 0);
+    for segment in header.program_headers(endian, program)?.iter().filter(|s| s.p_type(endian) == elf::PT_LOAD) {
+        // Initialised data lies in flash and is copied to RAM.
+        flash += segment.p_filesz(endian);
+        if segment.p_vaddr(endian) >= RAM {
+            ram += segment.p_memsz(endian);
+        }
+    }
+    Ok((flash, ram))
+}
+
+fn write_between_marks(table: &str) -> Result<()> {
+    let path = repository().join("README.md");
+    let text = std::fs::read_to_string(&path).context("README.md cannot be read")?;
+    let place = text.split_once(BEGIN).and_then(|(before, rest)| Some((before, rest.split_once(END)?.1)));
+    let (before, after) = place.with_context(|| format!("README.md has no lines {BEGIN}and {END}"))?;
+    std::fs::write(&path, format!("{before}{BEGIN}\n{table}\n{END}{after}")).context("README.md cannot be written")
+}
