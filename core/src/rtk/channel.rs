@@ -184,3 +184,93 @@ impl<const C: usize> Channels<C> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::vec::Vec;
+
+    fn channel(satellite: &str, sin_elevation: f64) -> Channel {
+        let signal: Signal = "1C".parse().unwrap();
+        Channel {
+            satellite: satellite.parse().unwrap(),
+            slot: 0,
+            signals: [signal; 2],
+            wavelength: 0.19,
+            offset: 0.0,
+            state: None,
+            last_seen: GpsTime::from_week_tow(2100, 0.0),
+            lock: 1,
+            slip_pending: false,
+            half_cycle: false,
+            sin_elevation,
+            phase: 0.0,
+            carrier: None,
+            fixed: None,
+        }
+    }
+
+    /// Three GPS channels, the first as reference, with ambiguities 4 and −7, and one of Galileo.
+    fn three() -> (Channels<4>, Gaussian<f64, 8>) {
+        let (mut channels, mut density) = (Channels::new(), Gaussian::new());
+        channels.add(&mut density, channel("G01", 0.9), 0.0, 1.0).unwrap();
+        channels.add(&mut density, channel("G02", 0.8), 4.0, 1.0).unwrap();
+        channels.add(&mut density, channel("E03", 0.3), 0.0, 1.0).unwrap();
+        channels.add(&mut density, channel("G04", 0.5), -7.0, 1.0).unwrap();
+        for (channel, fixed) in channels.as_mut_slice().iter_mut().zip([0.0, 4.0, 0.0, -7.0]) {
+            channel.fixed = Some(fixed);
+        }
+        (channels, density)
+    }
+
+    #[test]
+    fn the_first_of_a_group_is_its_reference_and_has_no_state() {
+        let (channels, density) = three();
+        let states: Vec<Option<usize>> = channels.as_slice().iter().map(|channel| channel.state).collect();
+        assert_eq!(states, [None, Some(0), None, Some(1)]);
+        assert_eq!(density.mean(), [4.0, -7.0]);
+    }
+
+    #[test]
+    fn without_room_nothing_is_born() {
+        let (mut channels, mut density) = three();
+        assert!(channels.add(&mut density, channel("G05", 0.9), 0.0, 1.0).is_err());
+        assert_eq!(density.dim(), 2);
+    }
+
+    #[test]
+    fn a_new_reference_carries_states_and_integers_over() {
+        let (mut channels, mut density) = three();
+        channels.make_reference(&mut density, 1);
+        // n' = n − n_new: G01 0 − 4, G04 −7 − 4.
+        assert_eq!(density.mean(), [-4.0, -11.0]);
+        let of = |name: &str| *channels.as_slice().iter().find(|c| c.satellite == name.parse().unwrap()).unwrap();
+        assert_eq!((of("G01").state, of("G01").fixed), (Some(0), Some(-4.0)));
+        assert_eq!((of("G02").state, of("G02").fixed), (None, Some(0.0)));
+        assert_eq!((of("G04").state, of("G04").fixed), (Some(1), Some(-11.0)));
+        assert_eq!(of("E03").fixed, Some(0.0));
+    }
+
+    #[test]
+    fn a_reference_that_dies_hands_over_to_the_highest() {
+        let (mut channels, mut density) = three();
+        channels.remove(&mut density, 0);
+        assert_eq!(density.mean(), [-11.0]);
+        let states: Vec<Option<usize>> = channels.as_slice().iter().map(|channel| channel.state).collect();
+        assert_eq!(states, [None, None, Some(0)]);
+        channels.remove(&mut density, 99);
+        channels.remove(&mut density, 2);
+        channels.remove(&mut density, 0);
+        assert_eq!((channels.as_slice().len(), density.dim()), (1, 0));
+    }
+
+    #[test]
+    fn half_cycles_and_glonass_are_no_integers() {
+        let mut half = channel("G01", 0.5);
+        assert!(half.is_integer() && half.unit() == 0.19);
+        half.half_cycle = true;
+        assert!(!half.is_integer());
+        let glonass = channel("R01", 0.5);
+        assert!(!glonass.is_integer() && glonass.unit() == 1.0);
+    }
+}

@@ -185,3 +185,19 @@ impl Default for RtkConfig {
         Self::DEFAULT
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_plan_has_slots_in_order_of_preference() {
+        let plan = BandPlan::L1L2.with(Constellation::Gps, b"51x27");
+        assert_eq!(plan.bands(Constellation::Gps).collect::<Vec<u8>>(), b"512");
+        assert_eq!(plan.slot(Constellation::Gps, b'1'), Some(1));
+        assert_eq!(plan.slot(Constellation::Gps, b'7'), None);
+        assert_eq!(plan.slot(Constellation::Galileo, b'5'), Some(1));
+        assert_eq!(BandPlan::EMPTY.slot(Constellation::Gps, 0), None);
+        assert_eq!(plan.with(Constellation::Gps, b"").bands(Constellation::Gps).count(), 0);
+    }
+}

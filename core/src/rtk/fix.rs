@@ -6,7 +6,7 @@
 //! used (partial fixing). The constrained density is the relaxed one given the accepted integers, and only those.
 
 use super::RtkFilter;
-use super::channel::GROUPS;
+use super::channel::{Channel, GROUPS};
 use crate::gnss::solution::{Quality, Reason, Solution};
 use crate::gnss::time::GpsTime;
 use crate::integer::condition::condition_on_integers;
@@ -74,43 +74,43 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
         }
     }
 
-    /// Each group is to be referred to a channel that was seen in this epoch and is whole.
+    /// Which channels may be fixed in the epoch at `time`: seen, whole, high and locked.
+    fn fixable(&self, time: GpsTime) -> impl Fn(&Channel) -> bool + use<C, N, E> {
+        let acceptance = self.config.acceptance;
+        let mask = libm::sin(acceptance.elevation_mask);
+        let seen = move |channel: &Channel| channel.last_seen == time;
+        // After a start or an outage all are young.
+        let oldest = self.channels.as_slice().iter().filter(|c| seen(c)).map(|channel| channel.lock).max().unwrap_or(0);
+        let min_lock = acceptance.min_lock.min(oldest);
+        move |channel| {
+            seen(channel) && channel.is_integer() && channel.sin_elevation >= mask && channel.lock >= min_lock
+        }
+    }
+
+    /// Each group is to be referred to a channel that may be fixed itself.
     fn choose_references(&mut self, time: GpsTime) {
-        let mask = libm::sin(self.config.acceptance.elevation_mask);
+        let fixable = self.fixable(time);
         for group in 0..GROUPS {
             let Some(reference) = self.channels.reference(group) else { continue };
-            let channels = self.channels.as_slice();
-            let serves = |channel: &super::channel::Channel| {
-                channel.last_seen == time && channel.is_integer() && channel.sin_elevation >= mask
-            };
-            if channels.get(reference).is_some_and(serves) {
+            if self.channels.as_slice().get(reference).is_some_and(&fixable) {
                 continue;
             }
-            if let Some(heir) = self.channels.best_reference(group, |_, channel| serves(channel)) {
+            if let Some(heir) = self.channels.best_reference(group, |_, channel| fixable(channel)) {
                 self.channels.make_reference(&mut self.density, heir);
             }
         }
     }
 
-    /// Channels that may be fixed: seen, whole, high and locked, referred to a channel that is as well.
+    /// Channels that may be fixed and are referred to one that may be as well: those with proven integers first, then
+    /// the highest.
     fn choose_candidates(&mut self, time: GpsTime) {
-        let acceptance = self.config.acceptance;
-        let mask = libm::sin(acceptance.elevation_mask);
+        let fixable = self.fixable(time);
         let channels = self.channels.as_slice();
-        // After a start or an outage all are young.
-        let oldest = channels.iter().filter(|c| c.last_seen == time).map(|channel| channel.lock).max().unwrap_or(0);
-        let min_lock = acceptance.min_lock.min(oldest);
-        let serves = |channel: &super::channel::Channel| {
-            channel.last_seen == time
-                && channel.is_integer()
-                && channel.sin_elevation >= mask
-                && channel.lock >= min_lock
-        };
         self.integers.candidates.clear();
         for (i, channel) in channels.iter().enumerate() {
             let reference_serves =
-                self.channels.reference(channel.group()).and_then(|r| channels.get(r)).is_some_and(serves);
-            if channel.state.is_some() && serves(channel) && reference_serves {
+                self.channels.reference(channel.group()).and_then(|r| channels.get(r)).is_some_and(&fixable);
+            if channel.state.is_some() && fixable(channel) && reference_serves {
                 // Capacity is that of the channels, of which there are at most 255.
                 let _ = self.integers.candidates.push(i as u8);
             }

@@ -61,6 +61,8 @@ pub(super) struct Link {
     /// Rover range rate residual for a rover at rest `[m/s]`.
     pub doppler: Option<f64>,
     pub doppler_variance: f64,
+    /// The codes that placed the satellite less their computed ranges: the clocks of rover and base `[m]`.
+    pub clocks: [f64; 2],
     /// The rover's carrier as it came: phase and range rate −λD, clocks included `[m, m/s]`.
     pub carrier: Option<Carrier>,
     /// Either receiver reported a loss of lock.
@@ -176,5 +178,68 @@ impl Station {
             computed: line.range - SPEED_OF_LIGHT * state.clock + troposphere,
             computed_rate: line.direction.dot(&line.rotate(&state.velocity)) - SPEED_OF_LIGHT * state.clock_drift,
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn observation(satellite: &str, signal: &str) -> Observation {
+        let mut observation = Observation::new(satellite.parse().unwrap(), signal.parse().unwrap());
+        observation.phase = Some(1.0);
+        observation
+    }
+
+    fn names(chosen: &[Observation]) -> Vec<String> {
+        let mut names: Vec<String> = chosen.iter().map(|o| format!("{}{}", o.satellite, o.signal)).collect();
+        names.sort();
+        names
+    }
+
+    type Chosen<const C: usize> = heapless::Vec<Observation, C>;
+    use std::vec::Vec;
+
+    #[test]
+    fn one_signal_of_each_band_is_chosen_and_the_attribute_stays() {
+        let mut all =
+            [observation("G01", "1W"), observation("G01", "1C"), observation("G01", "2W"), observation("E05", "7Q")];
+        let mut chosen = Chosen::<8>::new();
+        let mut preferred = [0; GROUPS];
+        assert_eq!(select(&all, &BandPlan::L1L2, &preferred, &mut chosen), 0);
+        assert_eq!(names(&chosen), ["G011C", "G012W"]);
+        preferred[group(Constellation::Gps, 0)] = b'W';
+        select(&all, &BandPlan::L1L2, &preferred, &mut chosen);
+        assert_eq!(names(&chosen), ["G011W", "G012W"]);
+        // A phase before none, whatever was preferred.
+        all[0].phase = None;
+        all[0].code = Some(2e7);
+        select(&all, &BandPlan::L1L2, &preferred, &mut chosen);
+        assert_eq!(names(&chosen), ["G011C", "G012W"]);
+    }
+
+    #[test]
+    fn with_too_little_room_the_first_bands_stay_in_any_order() {
+        let mut all = [
+            observation("G01", "2W"),
+            observation("G01", "1C"),
+            observation("G02", "2W"),
+            observation("G02", "1C"),
+            observation("G03", "1C"),
+        ];
+        for _ in 0..all.len() {
+            all.rotate_left(1);
+            let mut chosen = Chosen::<3>::new();
+            assert_eq!(select(&all, &BandPlan::L1L2, &[0; GROUPS], &mut chosen), 2);
+            assert_eq!(names(&chosen), ["G011C", "G021C", "G031C"]);
+        }
+    }
+
+    /// s(t) = 20 + 3 t + 2 t² over two seconds: rates 3 and 11 m/s, so nothing is left but the jump.
+    #[test]
+    fn a_phase_agrees_with_its_doppler_under_constant_acceleration() {
+        let before = Carrier { phase: 20.0, rate: 3.0 };
+        let now = Carrier { phase: 20.0 + 6.0 + 8.0 + 0.19, rate: 11.0 };
+        assert!((now.jump_since(&before, 2.0) - 0.19).abs() < 1e-12);
     }
 }

@@ -29,6 +29,10 @@ pub mod feed;
 mod fix;
 mod link;
 pub mod preset;
+#[cfg(test)]
+mod sky;
+#[cfg(test)]
+mod tests;
 mod track;
 
 pub use config::RtkConfig;
@@ -40,7 +44,7 @@ use crate::gnss::atmosphere::Klobuchar;
 use crate::gnss::ephemeris::Ephemeris;
 use crate::gnss::epoch::{EpochView, Observation};
 use crate::gnss::orbit::store::{EphemerisStore, SelectionRule};
-use crate::gnss::satellite::{Constellation, SatelliteSet};
+use crate::gnss::satellite::{Constellation, SatelliteId, SatelliteSet};
 use crate::gnss::solution::{Quality, Reason, Solution};
 use crate::gnss::time::GpsTime;
 use crate::spp::rows::Rows;
@@ -63,6 +67,9 @@ const NEW_ACCELERATION: f64 = 10.0;
 const DISAGREEMENT: f64 = 10.0;
 /// Variance growth of a satellite clock's prediction between base and rover epoch, per second of age `[m/s]`.
 const CLOCK_STABILITY: f64 = 1.5e-3;
+
+/// A code that differs by more than this from the others is absurd; systems' clocks may differ by less `[m]`.
+const MISPLACED: f64 = 1000.0;
 
 /// The latest base epoch.
 #[derive(Clone, Debug)]
@@ -217,8 +224,8 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
         self.base.used = true;
         let mut solution = Solution::none(epoch.time, Reason::TooFewAmbiguities);
         solution.age = age.unwrap_or(0.0);
-        self.track(epoch.time, &mut solution);
         self.screen_code(&mut solution);
+        self.track(epoch.time, &mut solution);
         self.update();
         self.absorb_position();
         self.time = Some(epoch.time);
@@ -321,7 +328,8 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
         let kilometres = (self.position - base_position).norm() / 1000.0;
         let atmosphere = self.config.atmosphere * kilometres;
         let clock = CLOCK_STABILITY * age;
-        let mut sights: Option<(crate::gnss::satellite::SatelliteId, Option<(Sight, Sight)>)> = None;
+        type Clocked = (Sight, f64);
+        let mut sights: Option<(SatelliteId, Option<(Clocked, Clocked)>)> = None;
         // The observations are sorted by satellite here, so that each satellite is computed once.
         self.observations.sort_unstable_by_key(|o| (o.satellite, o.signal));
         for rover in &self.observations {
@@ -339,15 +347,17 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
                     let code = |observations: &[Observation]| {
                         observations.iter().filter(|o| o.satellite == id).find_map(|o| o.code)
                     };
-                    let pair = match (code(&self.observations), code(&self.base.observations)) {
-                        (Some(r), Some(b)) => rover_station.sight(ephemeris, r).zip(base_station.sight(ephemeris, b)),
-                        _ => None,
+                    let clocked = |station: &Station, code: Option<f64>| {
+                        let sight = station.sight(ephemeris, code?)?;
+                        Some((sight, code? - sight.computed))
                     };
+                    let pair = clocked(&rover_station, code(&self.observations))
+                        .zip(clocked(&base_station, code(&self.base.observations)));
                     sights = Some((id, pair));
                     pair
                 }
             };
-            let Some((rover_sight, base_sight)) = pair else { continue };
+            let Some(((rover_sight, rover_clock), (base_sight, base_clock))) = pair else { continue };
             let constellation = id.constellation();
             let (Some(wavelength), Some(slot)) = (
                 rover.signal.wavelength(constellation, self.ephemerides.glonass_channel(id)),
@@ -381,6 +391,7 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
                 phase_variance: of(rover, &self.config.phase) + of(base, &self.config.phase) + common,
                 doppler,
                 doppler_variance: self.config.doppler * self.config.doppler / (sine * sine),
+                clocks: [rover_clock, base_clock],
                 carrier: carrier.map(|(phase, d)| Carrier { phase: wavelength * phase, rate: -wavelength * d }),
                 loss_of_lock: rover.loss_of_lock || base.loss_of_lock,
                 half_cycle: rover.half_cycle || base.half_cycle,
@@ -396,6 +407,7 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
             // Capacity is that of the observations.
             let _ = self.links.push(link);
         }
+        drop_misplaced(&mut self.links);
         // The best first: the first row of a group defines its common term.
         self.links.sort_unstable_by(|a, b| b.sin_elevation.total_cmp(&a.sin_elevation).then(a.slot.cmp(&b.slot)));
     }
@@ -461,6 +473,18 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
         if self.config.motion.order() > 1 {
             solution.velocity = Vector3::from_fn(|i, _| self.density.mean().get(3 + i).copied().unwrap_or(0.0));
             solution.velocity_covariance = Matrix3::from_fn(|i, j| self.density.covariance(3 + i, 3 + j));
+        }
+    }
+}
+
+/// Leaves out satellites whose code contradicts the clock that most satellites agree on: they were computed for a wrong
+/// time of transmission, so that their phases and Doppler are of no use either.
+fn drop_misplaced<const C: usize>(links: &mut Vec<Link, C>) {
+    for station in 0..2 {
+        let mut clocks: Vec<f64, C> = links.iter().map(|link| link.clocks[station]).collect();
+        clocks.sort_unstable_by(f64::total_cmp);
+        if let Some(&median) = clocks.get(clocks.len() / 2) {
+            links.retain(|link| libm::fabs(link.clocks[station] - median) < MISPLACED);
         }
     }
 }

@@ -256,10 +256,10 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
         channel.state.and_then(|state| self.density.mean().get(state)).copied().unwrap_or(0.0)
     }
 
-    /// Phase minus code of a link, in metres, less `offset` cycles.
+    /// Phase minus code of a link, in metres, less `offset` cycles; none where the code was rejected.
     fn phase_minus_code(&self, index: usize, offset: f64) -> Option<f64> {
         let link = self.links.get(index)?;
-        Some(link.phase? - link.code? - link.wavelength * offset)
+        Some(link.phase? - link.code.filter(|_| !link.code_rejected)? - link.wavelength * offset)
     }
 
     /// Phase minus code of the reference of a group, in metres: from all settled channels of the group if there are

@@ -1,0 +1,269 @@
+//! The engine as a whole, on a simulated sky.
+
+use super::preset::Rtk32;
+use super::sky::{BASE, ROVER, Sky, start};
+use super::*;
+use crate::gnss::geodesy::Geodetic;
+use crate::gnss::satellite::SatelliteId;
+use crate::model::motion::Motion;
+use proptest::prelude::*;
+use std::vec::Vec;
+
+/// A drive and its two receivers.
+struct Drive {
+    sky: Sky,
+    filter: Box<Rtk32>,
+    base: Vector3<f64>,
+    /// Radius of the circle that the rover drives at 10 m/s, 0 for a rover at rest `[m]`.
+    radius: f64,
+    /// Satellites that the rover does not see.
+    hidden: Vec<SatelliteId>,
+}
+
+impl Drive {
+    fn new(radius: f64, config: RtkConfig, bands: &[&str]) -> Self {
+        let sky = Sky::new(bands);
+        let base = Geodetic { latitude: 0.85, longitude: 0.2, height: 200.0 }.to_ecef();
+        let mut filter = Box::new(Rtk32::new(config, Some(base)));
+        for &ephemeris in &sky.ephemerides {
+            filter.push_ephemeris(ephemeris);
+        }
+        Self { sky, filter, base, radius, hidden: Vec::new() }
+    }
+
+    /// Position and velocity of the rover, 300 m from the base.
+    fn truth(&self, seconds: f64) -> (Vector3<f64>, Vector3<f64>) {
+        let geodetic = Geodetic::from_ecef(&self.base);
+        let (phase, speed) = if self.radius > 0.0 { (10.0 / self.radius * seconds, 10.0) } else { (0.0, 0.0) };
+        let place = Vector3::new(300.0 + self.radius * phase.sin(), self.radius * phase.cos(), 2.0);
+        let velocity = Vector3::new(speed * phase.cos(), -speed * phase.sin(), 0.0);
+        (self.base + geodetic.enu_to_ecef(&place), geodetic.enu_to_ecef(&velocity))
+    }
+
+    fn base_epoch(&mut self, seconds: f64) {
+        let time = start().plus_seconds(seconds);
+        let observations = self.sky.observe(BASE, time, self.base, Vector3::zeros());
+        self.filter.push_base(EpochView { time, observations: &observations });
+    }
+
+    fn rover_observations(&mut self, seconds: f64) -> Vec<Observation> {
+        let (at, velocity) = self.truth(seconds);
+        let mut observations = self.sky.observe(ROVER, start().plus_seconds(seconds), at, velocity);
+        observations.retain(|o| !self.hidden.contains(&o.satellite));
+        observations
+    }
+
+    /// An epoch of the rover alone, and its distance from the truth `[m]`.
+    fn rover_epoch(&mut self, seconds: f64) -> (Solution, f64) {
+        let observations = self.rover_observations(seconds);
+        let time = start().plus_seconds(seconds);
+        let solution = self.filter.push_rover(EpochView { time, observations: &observations });
+        (solution, (solution.position - self.truth(seconds).0).norm())
+    }
+
+    /// An epoch of both.
+    fn epoch(&mut self, seconds: f64) -> (Solution, f64) {
+        self.base_epoch(seconds);
+        self.rover_epoch(seconds)
+    }
+
+    /// Epochs of both, one a second.
+    fn epochs(&mut self, seconds: core::ops::Range<u32>) -> (Solution, f64) {
+        seconds.map(|second| self.epoch(f64::from(second))).last().unwrap()
+    }
+
+    /// The satellites in view, the highest first.
+    fn in_view(&mut self, seconds: f64) -> Vec<SatelliteId> {
+        let mut list: Vec<SatelliteId> = self.rover_observations(seconds).iter().map(|o| o.satellite).collect();
+        list.dedup();
+        list
+    }
+}
+
+fn is_fixed(solution: &Solution) -> bool {
+    matches!(solution.quality, Quality::Fixed | Quality::Partial)
+}
+
+#[test]
+fn a_rover_at_rest_is_fixed_and_right() {
+    for motion in [Motion::Static, Motion::Velocity] {
+        let mut drive = Drive::new(0.0, RtkConfig { motion, ..RtkConfig::DEFAULT }, &["1C", "2W"]);
+        let (solution, error) = drive.epochs(0..30);
+        assert_eq!((solution.quality, solution.reason), (Quality::Fixed, Reason::Complete), "{motion:?}");
+        assert!(error < 0.015, "{motion:?}: {error} m");
+        assert!(solution.success_rate > 0.99 && solution.ratio > 2.0);
+        assert!(solution.position_covariance.trace().sqrt() < 0.03);
+    }
+}
+
+#[test]
+fn a_moving_rover_is_fixed_on_one_band() {
+    let mut drive = Drive::new(100.0, RtkConfig::DEFAULT, &["1C"]);
+    let mut fixed = 0;
+    for second in 0..90 {
+        let (solution, error) = drive.epoch(f64::from(second));
+        if is_fixed(&solution) {
+            fixed += 1;
+            assert!(error < 0.04, "{second}: {error} m");
+            let (_, velocity) = drive.truth(f64::from(second));
+            assert!((solution.velocity - velocity).norm() < 0.5, "{second}: {}", solution.velocity - velocity);
+        }
+    }
+    assert!(fixed > 45, "{fixed}");
+}
+
+#[test]
+fn a_slip_is_found_on_any_satellite_and_costs_no_fix() {
+    // The highest is the reference.
+    for rank in [0, 1, 4] {
+        let mut drive = Drive::new(100.0, RtkConfig::DEFAULT, &["1C", "2W"]);
+        drive.epochs(0..30);
+        let satellite = drive.in_view(30.0)[rank];
+        drive.sky.slips.insert((ROVER, satellite), 3.0);
+        let (solution, error) = drive.epoch(30.0);
+        assert_eq!(solution.satellites_slipped.iter().collect::<Vec<_>>(), [satellite]);
+        assert!(is_fixed(&solution) && error < 0.03, "{:?} {error}", solution.reason);
+        let (solution, error) = drive.epochs(31..50);
+        assert!(solution.satellites_slipped.is_empty() && solution.quality == Quality::Fixed && error < 0.03);
+    }
+}
+
+#[test]
+fn a_reported_loss_of_lock_between_base_epochs_is_not_forgotten() {
+    let mut drive = Drive::new(0.0, RtkConfig::DEFAULT, &["1C", "2W"]);
+    drive.epochs(0..20);
+    let satellite = drive.in_view(20.0)[2];
+    // Two base epochs without a rover epoch, the first with a flag.
+    let time = start().plus_seconds(20.2);
+    let mut observations = drive.sky.observe(BASE, time, drive.base, Vector3::zeros());
+    observations.iter_mut().filter(|o| o.satellite == satellite).for_each(|o| o.loss_of_lock = true);
+    drive.filter.push_base(EpochView { time, observations: &observations });
+    let (solution, _) = drive.epoch(21.0);
+    assert!(solution.satellites_slipped.contains(satellite));
+}
+
+#[test]
+fn a_wrong_code_is_rejected() {
+    let mut drive = Drive::new(0.0, RtkConfig::DEFAULT, &["1C", "2W"]);
+    drive.epochs(0..30);
+    let satellite = drive.in_view(30.0)[3];
+    drive.sky.code_errors.insert((ROVER, satellite), 40.0);
+    let (solution, error) = drive.epoch(30.0);
+    assert!(solution.satellites_rejected.contains(satellite));
+    assert!(is_fixed(&solution) && error < 0.02);
+}
+
+/// A base code of zero once put a satellite where it was 70 ms later, and its ambiguity 1e8 cycles away.
+#[test]
+fn a_code_of_zero_spoils_only_its_own_satellite() {
+    let mut drive = Drive::new(0.0, RtkConfig::DEFAULT, &["1C", "2W"]);
+    drive.epochs(0..20);
+    let time = start().plus_seconds(20.0);
+    let mut observations = drive.sky.observe(BASE, time, drive.base, Vector3::zeros());
+    observations[2].code = Some(0.0);
+    drive.filter.push_base(EpochView { time, observations: &observations });
+    let (solution, error) = drive.rover_epoch(20.0);
+    assert!(is_fixed(&solution) && error < 0.02, "{:?} {error}", solution.reason);
+    assert!(!solution.satellites_used.contains(observations[2].satellite));
+    let (solution, error) = drive.epochs(21..30);
+    assert!(solution.quality == Quality::Fixed && error < 0.02, "{:?} {error}", solution.reason);
+}
+
+#[test]
+fn satellites_set_and_rise_and_the_reference_changes() {
+    let mut drive = Drive::new(0.0, RtkConfig::DEFAULT, &["1C", "2W"]);
+    drive.epochs(0..20);
+    let all = drive.in_view(20.0);
+    assert!(all.len() >= 7, "{all:?}");
+    for (step, hidden) in [vec![all[0]], vec![all[1], all[2]], vec![], vec![all[3], all[0]]].into_iter().enumerate() {
+        drive.hidden = hidden;
+        for second in 0..10 {
+            let (solution, error) = drive.epoch((20 + 10 * step + second) as f64);
+            assert!(is_fixed(&solution) && error < 0.03, "{step}.{second}: {:?} {error}", solution.reason);
+        }
+    }
+}
+
+#[test]
+fn base_data_ages_until_it_is_too_old_and_comes_back() {
+    let mut drive = Drive::new(0.0, RtkConfig::DEFAULT, &["1C", "2W"]);
+    drive.epochs(0..20);
+    for second in 20..60 {
+        let (solution, error) = drive.rover_epoch(f64::from(second));
+        let age = f64::from(second - 19);
+        if age <= RtkConfig::DEFAULT.max_age {
+            assert_eq!(solution.age, age);
+            assert!(is_fixed(&solution) && error < 0.3, "{age}: {error}");
+        } else {
+            assert_eq!((solution.quality, solution.reason), (Quality::Code, Reason::BaseTooOld));
+            assert!(error < 10.0);
+        }
+    }
+    let (solution, error) = drive.epochs(60..80);
+    assert!(is_fixed(&solution) && error < 0.02);
+}
+
+#[test]
+fn an_outage_of_the_rover_is_recovered_from() {
+    let mut drive = Drive::new(100.0, RtkConfig::DEFAULT, &["1C", "2W"]);
+    drive.epochs(0..20);
+    let all = drive.in_view(20.0);
+    drive.hidden = all[3..].to_vec();
+    let (solution, _) = drive.epochs(20..60);
+    assert!(!is_fixed(&solution));
+    drive.hidden.clear();
+    let (solution, error) = drive.epochs(60..90);
+    assert!(is_fixed(&solution) && error < 0.03, "{:?} {error}", solution.reason);
+}
+
+#[test]
+fn epochs_out_of_order_are_dropped() {
+    let mut drive = Drive::new(0.0, RtkConfig::DEFAULT, &["1C", "2W"]);
+    drive.epochs(0..20);
+    for second in [19.0, 3.0] {
+        let (solution, _) = drive.rover_epoch(second);
+        assert_eq!((solution.quality, solution.reason), (Quality::None, Reason::OutOfOrder));
+    }
+    let time = start().plus_seconds(2.0);
+    assert!(!drive.filter.push_base(EpochView { time, observations: &[] }));
+    let (solution, error) = drive.epoch(20.0);
+    assert!(is_fixed(&solution) && error < 0.02);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 24, failure_persistence: None, ..ProptestConfig::default() })]
+
+    /// Whatever the observables, there is an answer, and with good data again a good one.
+    #[test]
+    fn absurd_observations_do_no_lasting_harm(
+        errors in prop::collection::vec((0usize..16, 0usize..4, prop::num::f64::ANY, 5u32..15, any::<bool>()), 1..40),
+    ) {
+        let mut drive = Drive::new(0.0, RtkConfig::DEFAULT, &["1C", "2W"]);
+        for second in 0..60 {
+            let seconds = f64::from(second);
+            let time = start().plus_seconds(seconds);
+            let mut base = drive.sky.observe(BASE, time, drive.base, Vector3::zeros());
+            let mut rover = drive.rover_observations(seconds);
+            for &(index, kind, value, at, of_rover) in &errors {
+                let observations = if of_rover { &mut rover } else { &mut base };
+                if let (true, Some(observation)) = (at == second, observations.get_mut(index)) {
+                    match kind {
+                        0 => observation.code = Some(value),
+                        1 => observation.phase = Some(value),
+                        2 => observation.doppler = Some(value),
+                        _ => observation.cn0 = Some(value as f32),
+                    }
+                }
+            }
+            drive.filter.push_base(EpochView { time, observations: &base });
+            let solution = drive.filter.push_rover(EpochView { time, observations: &rover });
+            if solution.quality != Quality::None {
+                prop_assert!(solution.position.iter().all(|x| x.is_finite()));
+            }
+            if second == 59 {
+                let error = (solution.position - drive.truth(seconds).0).norm();
+                prop_assert!(is_fixed(&solution) && error < 0.05, "{:?} {error}", solution.reason);
+            }
+        }
+    }
+}
