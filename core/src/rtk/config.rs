@@ -77,7 +77,7 @@ impl Acceptance {
         success_rate: 0.995,
         ratio: 2.5,
         ratio_confirmed: 1.5,
-        success_rate_confirmed: 0.9,
+        success_rate_confirmed: 0.99,
         min_ambiguities: 4,
         elevation_mask: 12f64 * core::f64::consts::PI / 180.0,
         min_lock: 3,

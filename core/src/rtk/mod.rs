@@ -226,6 +226,7 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
         solution.age = age.unwrap_or(0.0);
         self.screen_code(&mut solution);
         self.track(epoch.time, &mut solution);
+        self.screen_doppler();
         self.update();
         self.absorb_position();
         self.time = Some(epoch.time);

@@ -169,6 +169,20 @@ fn a_code_of_zero_spoils_only_its_own_satellite() {
     assert!(solution.quality == Quality::Fixed && error < 0.02, "{:?} {error}", solution.reason);
 }
 
+/// One wrong Doppler once threw the velocity, and with it the position, for good.
+#[test]
+fn a_wrong_doppler_is_left_out() {
+    let mut drive = Drive::new(0.0, RtkConfig::DEFAULT, &["1C", "2W"]);
+    drive.epochs(0..20);
+    drive.base_epoch(20.0);
+    let mut observations = drive.rover_observations(20.0);
+    observations[2].doppler = Some(9e3);
+    observations[4].doppler = Some(f64::INFINITY);
+    let time = start().plus_seconds(20.0);
+    let solution = drive.filter.push_rover(EpochView { time, observations: &observations });
+    assert!(is_fixed(&solution) && solution.velocity.norm() < 0.2, "{}", solution.velocity);
+}
+
 #[test]
 fn satellites_set_and_rise_and_the_reference_changes() {
     let mut drive = Drive::new(0.0, RtkConfig::DEFAULT, &["1C", "2W"]);

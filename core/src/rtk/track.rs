@@ -14,7 +14,7 @@ use crate::gnss::satellite::SatelliteId;
 use crate::gnss::solution::Solution;
 use crate::gnss::time::GpsTime;
 use heapless::Vec;
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, Vector3};
 
 /// Degrees of freedom that the estimate of a variance factor remembers.
 const MEMORY: f64 = 300.0;
@@ -24,7 +24,7 @@ const MEMORY: f64 = 300.0;
 /// a patch antenna on a cheap receiver 0.8.
 const USUAL_CODE: f64 = 0.25;
 /// The same for phases: 0.01 to 0.1 with geodetic antennas, 0.3 on a walk under trees.
-pub(super) const USUAL_PHASE: f64 = 0.05;
+pub(super) const USUAL_PHASE: f64 = 0.06;
 
 /// Longest step over which a phase is predicted by Doppler `[s]`; beyond it changes of acceleration matter.
 const MAX_DOPPLER_STEP: f64 = 2.0;
@@ -191,7 +191,7 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
             let _ = self.rows.push(row);
         }
         let examined = self.rows.iter().filter(|row| !row.excluded).count();
-        let information = self.position_information();
+        let information = self.information(0);
         let outcome = screen(&mut self.rows, &information, self.config.screening.outlier);
         self.phase_factor.learn(outcome);
         // If most contradict each other there is no telling who is right.
@@ -219,7 +219,7 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
                 error: 0.0,
             });
         }
-        let information = self.position_information();
+        let information = self.information(0);
         let outcome = screen(&mut self.rows, &information, self.config.screening.outlier);
         self.code_factor.learn(outcome);
         for (link, _) in self.links.iter_mut().zip(&self.rows).filter(|(_, row)| row.error != 0.0) {
@@ -245,9 +245,33 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
         }
     }
 
-    /// Inverse of the covariance of the predicted position.
-    fn position_information(&self) -> Matrix3<f64> {
-        let covariance: Matrix3<f64> = Matrix3::from_fn(|i, j| self.density.covariance(i, j));
+    /// Leaves out the Doppler of satellites that contradict the others.
+    pub(super) fn screen_doppler(&mut self) {
+        if self.config.motion.order() < 2 {
+            return;
+        }
+        let velocity = Vector3::from_fn(|i, _| self.density.mean().get(3 + i).copied().unwrap_or(0.0));
+        self.rows.clear();
+        for link in &self.links {
+            let _ = self.rows.push(Row {
+                gradient: -link.direction,
+                group: 0,
+                innovation: link.doppler.map_or(0.0, |rate| rate + link.direction.dot(&velocity)),
+                variance: link.doppler_variance,
+                excluded: link.doppler.is_none(),
+                error: 0.0,
+            });
+        }
+        let information = self.information(3);
+        screen(&mut self.rows, &information, self.config.screening.outlier);
+        for (link, _) in self.links.iter_mut().zip(&self.rows).filter(|(_, row)| row.excluded) {
+            link.doppler = None;
+        }
+    }
+
+    /// Inverse of the covariance of the predicted position (first = 0) or velocity (3).
+    fn information(&self, first: usize) -> Matrix3<f64> {
+        let covariance: Matrix3<f64> = Matrix3::from_fn(|i, j| self.density.covariance(first + i, first + j));
         covariance.try_inverse().unwrap_or_else(Matrix3::zeros)
     }
 
