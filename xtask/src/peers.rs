@@ -70,7 +70,7 @@ pub fn compare(data: &Path) -> Result<()> {
     let text = fs::read_to_string(&file).with_context(|| format!("{}: cannot be read", file.display()))?;
     let mut table: std::collections::BTreeMap<String, Vec<Case>> = toml::from_str(&text)?;
     println!(
-        "\n{:17}{:9}{:>8}{:>8}{:>9}{:>9}{:>8}{:>10}{:>8}",
+        "\n{:17}{:9}{:>8}{:>8}{:>10}{:>11}{:>8}{:>10}{:>8}",
         "case", "program", "fixed %", "wrong %", "rms H cm", "rms 3D cm", "first s", "epochs/s", "MB"
     );
     for case in table.remove("case").unwrap_or_default() {
@@ -128,7 +128,7 @@ impl Case {
         let report: Value = serde_json::from_str(&report)?;
         let number = |value: &Value, scale: f64| value.as_f64().map_or("–".into(), |x| format!("{:.2}", scale * x));
         println!(
-            "{:17}{program:9}{:>8}{:>8}{:>9}{:>9}{:>8}{:>10.0}{:>8}",
+            "{:17}{program:9}{:>8}{:>8}{:>10}{:>11}{:>8}{:>10.0}{:>8}",
             self.name,
             number(&report["fix_rate"], 100.0),
             number(&report["wrong_fix_rate"], 100.0),
