@@ -23,11 +23,11 @@ impl BandPlan {
     /// L1 alone: GPS L1, Galileo E1, BeiDou B1I, QZSS L1, GLONASS G1 (float).
     pub const L1: Self = Self { bands: [*b"1\0\0", *b"1\0\0", *b"2\0\0", *b"1\0\0", *b"1\0\0"] };
 
-    /// Two bands: GPS L1 L2, Galileo E1 E5a, BeiDou B1I B3I, QZSS L1 L2, GLONASS G1 G2 (float).
-    pub const L1L2: Self = Self { bands: [*b"12\0", *b"15\0", *b"26\0", *b"12\0", *b"12\0"] };
+    /// Two bands: GPS L1 L2, Galileo E1 E5b, BeiDou B1I B3I, QZSS L1 L2, GLONASS G1 G2 (float).
+    pub const L1L2: Self = Self { bands: [*b"12\0", *b"17\0", *b"26\0", *b"12\0", *b"12\0"] };
 
-    /// Three bands: GPS L1 L2 L5, Galileo E1 E5a E5b, BeiDou B1I B3I B2I/B2b, QZSS L1 L2 L5, GLONASS G1 G2 (float).
-    pub const L1L2L5: Self = Self { bands: [*b"125", *b"157", *b"267", *b"125", *b"12\0"] };
+    /// Three bands: GPS L1 L2 L5, Galileo E1 E5b E5a, BeiDou B1I B3I B2I/B2b, QZSS L1 L2 L5, GLONASS G1 G2 (float).
+    pub const L1L2L5: Self = Self { bands: [*b"125", *b"175", *b"267", *b"125", *b"12\0"] };
 
     /// This plan with other bands (RINEX digits, at most [`MAX_BANDS`]; others are ignored) for one constellation.
     pub fn with(mut self, constellation: Constellation, digits: &[u8]) -> Self {
