@@ -31,6 +31,8 @@ struct Case {
     truth: Reference,
     peer: String,
     limits: Limits,
+    /// What is reached where a limit is not.
+    shortfall: Option<Limits>,
 }
 
 /// Where the rover's marker truly is.
@@ -172,7 +174,14 @@ fn check(name: &str) {
     );
     assert!(reached.matched > 0, "{name}: no epoch has a truth");
     let missed = case.limits.missed(&reached);
-    assert!(missed.is_empty(), "{name}: {}", missed.join("; "));
+    if let Some(shortfall) = &case.shortfall {
+        println!("{name} falls short: {}", missed.join("; "));
+        assert!(!missed.is_empty(), "{name} keeps its limits: take its shortfall out of the table");
+        let worse = shortfall.missed(&reached);
+        assert!(worse.is_empty(), "{name}: {}", worse.join("; "));
+    } else {
+        assert!(missed.is_empty(), "{name}: {}", missed.join("; "));
+    }
 }
 
 macro_rules! cases {
