@@ -192,7 +192,7 @@ mod tests {
 
     #[test]
     fn a_plan_has_slots_in_order_of_preference() {
-        let plan = BandPlan::L1L2.with(Constellation::Gps, b"51x27");
+        let plan = BandPlan::EMPTY.with(Constellation::Galileo, b"15").with(Constellation::Gps, b"51x27");
         assert_eq!(plan.bands(Constellation::Gps).collect::<Vec<u8>>(), b"512");
         assert_eq!(plan.slot(Constellation::Gps, b'1'), Some(1));
         assert_eq!(plan.slot(Constellation::Gps, b'7'), None);

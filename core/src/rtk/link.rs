@@ -203,7 +203,7 @@ mod tests {
     #[test]
     fn one_signal_of_each_band_is_chosen_and_the_attribute_stays() {
         let mut all =
-            [observation("G01", "1W"), observation("G01", "1C"), observation("G01", "2W"), observation("E05", "7Q")];
+            [observation("G01", "1W"), observation("G01", "1C"), observation("G01", "2W"), observation("E05", "6C")];
         let mut chosen = Chosen::<8>::new();
         let mut preferred = [0; GROUPS];
         assert_eq!(select(&all, &BandPlan::L1L2, &preferred, &mut chosen), 0);

@@ -71,6 +71,9 @@ const CLOCK_STABILITY: f64 = 1.5e-3;
 /// A code that differs by more than this from the others is absurd; systems' clocks may differ by less `[m]`.
 const MISPLACED: f64 = 1000.0;
 
+/// A difference of two receivers' phases beyond this cannot be kept to the millimetre in `f64`; none has it `[m]`.
+const MAX_PHASE: f64 = 1e10;
+
 /// The latest base epoch.
 #[derive(Clone, Debug)]
 struct Base<const C: usize> {
@@ -224,7 +227,10 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
         self.base.used = true;
         let mut solution = Solution::none(epoch.time, Reason::TooFewAmbiguities);
         solution.age = age.unwrap_or(0.0);
-        self.screen_code(&mut solution);
+        if !self.screen_code(&mut solution) {
+            self.restart();
+            return code_solution(epoch.time, single, Reason::Restarted);
+        }
         self.track(epoch.time, &mut solution);
         self.screen_doppler();
         self.update();
@@ -377,7 +383,7 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
             let of =
                 |observation: &Observation, noise: &crate::model::noise::Noise| noise.variance(sine, observation.cn0);
             let computed = rover_sight.computed - base_sight.computed;
-            let doppler = rover.doppler.map(|d| -wavelength * d - rover_sight.computed_rate);
+            let doppler = rover.doppler.map(|d| -wavelength * d - rover_sight.computed_rate).filter(|x| x.is_finite());
             let carrier = rover.phase.zip(rover.doppler);
             let link = Link {
                 satellite: id,
@@ -386,9 +392,13 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
                 wavelength,
                 direction: rover_sight.direction,
                 sin_elevation: sine,
-                code: rover.code.zip(base.code).map(|(r, b)| r - b - computed),
+                code: rover.code.zip(base.code).map(|(r, b)| r - b - computed).filter(|x| x.is_finite()),
                 code_variance: fdma * (of(rover, &self.config.code) + of(base, &self.config.code)) + common,
-                phase: rover.phase.zip(base.phase).map(|(r, b)| wavelength * (r - b) - computed),
+                phase: rover
+                    .phase
+                    .zip(base.phase)
+                    .map(|(r, b)| wavelength * (r - b) - computed)
+                    .filter(|x| libm::fabs(*x) < MAX_PHASE),
                 phase_variance: of(rover, &self.config.phase) + of(base, &self.config.phase) + common,
                 doppler,
                 doppler_variance: self.config.doppler * self.config.doppler / (sine * sine),

@@ -207,7 +207,8 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
     }
 
     /// Marks the codes that contradict the others.
-    pub(super) fn screen_code(&mut self, solution: &mut Solution) {
+    /// False if most do: then it is the predicted position that is wrong.
+    pub(super) fn screen_code(&mut self, solution: &mut Solution) -> bool {
         self.rows.clear();
         for link in &self.links {
             let _ = self.rows.push(Row {
@@ -220,7 +221,11 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
             });
         }
         let information = self.information(0);
+        let examined = self.rows.iter().filter(|row| !row.excluded).count();
         let outcome = screen(&mut self.rows, &information, self.config.screening.outlier);
+        if 2 * outcome.outliers > examined {
+            return false;
+        }
         self.code_factor.learn(outcome);
         for (link, _) in self.links.iter_mut().zip(&self.rows).filter(|(_, row)| row.error != 0.0) {
             link.code_rejected = true;
@@ -243,6 +248,7 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
                 }
             }
         }
+        true
     }
 
     /// Leaves out the Doppler of satellites that contradict the others.
@@ -328,15 +334,19 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
                     continue;
                 };
                 if let Some(state) = channel.state {
+                    let (Some(anchor), Some(b)) = (anchor, self.phase_minus_code(index, channel.offset)) else {
+                        // Without a code there is no telling where the ambiguity went: the phase waits for one.
+                        self.links[index].phase = None;
+                        self.channels.as_mut_slice()[i].slip_pending = true;
+                        continue;
+                    };
                     let variance = sigma * channel.wavelength / channel.unit();
                     self.density.inflate(state, variance * variance);
-                    if let (Some(anchor), Some(b)) = (anchor, self.phase_minus_code(index, channel.offset)) {
-                        // The jump that the code suggests, in whole cycles where the ambiguity is whole.
-                        let jump = (anchor - b) / channel.unit() - self.ambiguity(&channel);
-                        let jump = if channel.is_integer() { libm::round(jump) } else { jump };
-                        if let Some(mean) = self.density.mean_mut().get_mut(state) {
-                            *mean += jump;
-                        }
+                    // The jump that the code suggests, in whole cycles where the ambiguity is whole.
+                    let jump = (anchor - b) / channel.unit() - self.ambiguity(&channel);
+                    let jump = if channel.is_integer() { libm::round(jump) } else { jump };
+                    if let Some(mean) = self.density.mean_mut().get_mut(state) {
+                        *mean += jump;
                     }
                 }
                 let link = &mut self.links[index];
