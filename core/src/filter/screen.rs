@@ -47,6 +47,10 @@ pub struct Screened {
     pub chi_square: f64,
     /// Its degrees of freedom: rows that remain less groups (δ has a prior and costs none).
     pub degrees_of_freedom: usize,
+    /// δ by the rows that remain and its prior `[m]`.
+    pub delta: Vector3<f64>,
+    /// Its covariance `[m²]`.
+    pub covariance: Matrix3<f64>,
 }
 
 /// Weighted means of the rows of each group.
@@ -69,6 +73,7 @@ pub fn screen(rows: &mut [Row], information: &Matrix3<f64>, threshold: f64) -> S
     for _ in 0..=rows.len() {
         let groups = group_means(rows);
         let Some((delta, covariance)) = solve(rows, &groups, information) else { break };
+        (outcome.delta, outcome.covariance) = (delta, covariance);
         let mut worst: Option<(usize, f64, f64)> = None;
         outcome.chi_square = (delta.transpose() * information * delta)[0];
         outcome.degrees_of_freedom = 0;

@@ -62,9 +62,13 @@ const NEW_POSITION: f64 = 100.0;
 const NEW_VELOCITY: f64 = 50.0;
 /// Standard deviation of an acceleration before it was observed `[m/s²]`.
 const NEW_ACCELERATION: f64 = 10.0;
-/// A filter position farther than this from the single point, in its standard deviations plus [`LOST_POSITION`], is
-/// wrong.
+/// A filter position farther than this from the one by codes alone, in standard deviations plus a distance
+/// ([`LOST_POSITION`] for single points, [`CODE_BIAS`] for differences), is wrong.
 const DISAGREEMENT: f64 = 10.0;
+/// What multipath may do to a position by differences of codes for long `[m]`.
+const CODE_BIAS: f64 = 10.0;
+/// For how long differences of codes may disagree with the filter before it starts anew `[s]`.
+const CONTRADICTED: f64 = 5.0;
 /// Variance growth of a satellite clock's prediction between base and rover epoch, per second of age `[m/s]`.
 const CLOCK_STABILITY: f64 = 1.5e-3;
 
@@ -117,6 +121,8 @@ pub struct RtkFilter<const C: usize, const N: usize, const E: usize> {
     phase_factor: track::VarianceFactor,
     /// Codes used of late.
     codes: Vec<track::CodeUse, C>,
+    /// Since when the codes put the rover elsewhere.
+    contradicted_since: Option<GpsTime>,
 }
 
 impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
@@ -149,6 +155,7 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
             code_factor: track::VarianceFactor::NOMINAL,
             phase_factor: track::VarianceFactor::NOMINAL,
             codes: Vec::new(),
+            contradicted_since: None,
         }
     }
 
@@ -251,6 +258,7 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
         self.density.clear();
         self.channels.clear();
         self.codes.clear();
+        self.contradicted_since = None;
     }
 
     /// Without enough satellites the motion model alone would carry the position: let the next epoch start it anew.

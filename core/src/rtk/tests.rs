@@ -284,8 +284,9 @@ proptest! {
 
     #[test]
     fn many_absurd_observations_do_not_stop_the_filter(all in prop::collection::vec(absurdity(), 1..60)) {
-        let (solution, _) = absurd_drive(&all);
-        prop_assert!(solution.quality != Quality::None, "{:?}", solution.reason);
+        let (solution, error) = absurd_drive(&all);
+        let sigma = solution.position_covariance.trace().sqrt();
+        prop_assert!(solution.quality != Quality::None && error < 50.0, "{:?} {:?}: {error} sigma {sigma}", solution.quality, solution.reason);
     }
 
     #[test]

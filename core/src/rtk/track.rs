@@ -6,9 +6,9 @@
 //! moves to where the code puts it, while everything else that the filter knows stays (Greiff 2021, eqs. 32-33). If the
 //! reference of a group slipped, another channel first becomes the reference, which is exact.
 
-use super::RtkFilter;
 use super::channel::{Channel, GROUPS};
 use super::link::Link;
+use super::{CODE_BIAS, CONTRADICTED, DISAGREEMENT, RtkFilter};
 use crate::filter::screen::{Row, Screened, screen};
 use crate::gnss::satellite::SatelliteId;
 use crate::gnss::solution::Solution;
@@ -206,9 +206,8 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
         }
     }
 
-    /// Marks the codes that contradict the others.
-    /// False if most do: then it is the predicted position that is wrong.
-    pub(super) fn screen_code(&mut self, solution: &mut Solution) -> bool {
+    /// The rows of all codes, for screening.
+    fn collect_codes(&mut self) {
         self.rows.clear();
         for link in &self.links {
             let _ = self.rows.push(Row {
@@ -220,6 +219,15 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
                 error: 0.0,
             });
         }
+    }
+
+    /// Marks the codes that contradict the others.
+    /// False if most do: then it is the predicted position that is wrong.
+    pub(super) fn screen_code(&mut self, solution: &mut Solution) -> bool {
+        if self.is_contradicted(solution.time) {
+            return false;
+        }
+        self.collect_codes();
         let information = self.information(0);
         let examined = self.rows.iter().filter(|row| !row.excluded).count();
         let outcome = screen(&mut self.rows, &information, self.config.screening.outlier);
@@ -249,6 +257,22 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
             }
         }
         true
+    }
+
+    /// Whether the codes alone have put the rover elsewhere for so long that multipath is no explanation. The screening
+    /// with the predicted position cannot see it: a wrong position that is far enough off, and sure enough of itself,
+    /// looks like noisy codes.
+    fn is_contradicted(&mut self, time: GpsTime) -> bool {
+        self.collect_codes();
+        let alone = screen(&mut self.rows, &Matrix3::zeros(), self.config.screening.outlier);
+        let factor = (alone.chi_square / alone.degrees_of_freedom.max(1) as f64).max(1.0);
+        let variance: f64 = (0..3).map(|i| self.density.covariance(i, i) + factor * alone.covariance[(i, i)]).sum();
+        // Three of the rows make a position, the rest have to confirm it.
+        let certain = alone.degrees_of_freedom > 4 && alone.outliers < alone.degrees_of_freedom / 2;
+        let apart = alone.delta.norm() > DISAGREEMENT * libm::sqrt(variance) + CODE_BIAS;
+        let since = self.contradicted_since.filter(|_| certain && apart);
+        self.contradicted_since = (certain && apart).then_some(since.unwrap_or(time));
+        since.is_some_and(|since| time.since(since) > CONTRADICTED)
     }
 
     /// Leaves out the Doppler of satellites that contradict the others.
