@@ -45,6 +45,7 @@ use crate::gnss::ephemeris::Ephemeris;
 use crate::gnss::epoch::{EpochView, Observation};
 use crate::gnss::orbit::store::{EphemerisStore, SelectionRule};
 use crate::gnss::satellite::{Constellation, SatelliteId, SatelliteSet};
+use crate::gnss::signal::Signal;
 use crate::gnss::solution::{Quality, Reason, Solution};
 use crate::gnss::time::GpsTime;
 use crate::spp::rows::Rows;
@@ -186,17 +187,18 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
             return false;
         }
         // Flags of an epoch that no rover epoch used must not be lost.
-        let mut previous = core::mem::take(&mut self.base.observations);
-        if self.base.used {
-            previous.clear();
+        let mut before: Vec<(SatelliteId, Signal, bool), C> = Vec::new();
+        if !self.base.used {
+            for o in &self.base.observations {
+                let _ = before.push((o.satellite, o.signal, o.loss_of_lock));
+            }
         }
         let preferred = if self.time.is_some() { self.attributes[0] } else { self.attributes[1] };
         select(epoch.observations, &self.config.bands, &preferred, &mut self.base.observations);
         for observation in &mut self.base.observations {
-            let before = previous
-                .iter()
-                .find(|o| o.satellite == observation.satellite && o.signal.band() == observation.signal.band());
-            observation.loss_of_lock |= before.is_some_and(|o| o.loss_of_lock || o.signal != observation.signal);
+            let (satellite, signal) = (observation.satellite, observation.signal);
+            let same = before.iter().find(|(id, other, _)| *id == satellite && other.band() == signal.band());
+            observation.loss_of_lock |= same.is_some_and(|&(_, other, lost)| lost || other != signal);
         }
         self.base.time = Some(epoch.time);
         self.base.used = false;
