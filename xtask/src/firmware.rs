@@ -5,6 +5,7 @@
 
 use crate::command::run;
 use crate::machine::Machine;
+use crate::panics;
 use crate::qemu::{self, Image};
 use crate::repository;
 use crate::toolchain::{CortexM, TARGET};
@@ -56,7 +57,8 @@ pub fn test(toolchain: &CortexM, machine: Machine) -> Result<()> {
         check_messages(&programs, &name, &expected.replace("{core}", machine.core()))?;
     }
     check_uart(&programs, UART_TEST_BYTES)?;
-    check_overflow(&programs)
+    check_overflow(&programs)?;
+    panics::test(&programs)
 }
 
 /// A program without input must end well and say what is expected.

@@ -7,6 +7,7 @@
 //! | [`machine`] | the simulated machines |
 //! | [`firmware`] | building `firmware-sim` and checking what its programs say |
 //! | [`qemu`] | one run of a program in QEMU: bytes in, bytes and messages out |
+//! | [`panics`] | which places of the core can still panic |
 //! | [`peers`] | the real cases in surefix and in RTKLIB |
 //! | [`replay`] | a device log through the firmware |
 //! | [`size`] | what the filter takes on a Cortex-M, for the README |
@@ -15,6 +16,7 @@
 mod command;
 mod firmware;
 mod machine;
+mod panics;
 mod peers;
 mod qemu;
 mod replay;
@@ -54,6 +56,8 @@ enum Command {
         #[arg(long, value_name = "DIR")]
         data: Option<PathBuf>,
     },
+    /// List the places of the core from which a panic is reachable; fail if one meets data from outside
+    Panics,
     /// Measure flash, RAM, stack and instructions of the presets, and write the table in README.md
     Size,
 }
@@ -74,6 +78,7 @@ fn run(command: Command) -> anyhow::Result<()> {
         Command::Test => test::run_all(),
         Command::Peers { data } => peers::compare(&data.unwrap_or_else(|| repository().join("../shared/data"))),
         Command::Replay(args) => replay::run(&args),
+        Command::Panics => panics::run(&toolchain::CortexM::find_or_install()?),
         Command::Size => size::run(&toolchain::CortexM::find_or_install()?),
         Command::Firmware { machine } => {
             let toolchain = toolchain::CortexM::find_or_install()?;

@@ -1,0 +1,139 @@
+//! `cargo xtask panics`: which places of the core can still panic, as far as the compiler can tell.
+//!
+//! The core promises that it never panics. Most bounds checks vanish in the optimised program, because the compiler
+//! proves them; each that remains leaves its place in the source behind, a [`core::panic::Location`] in the read-only
+//! data. This lists those places. They are of two sorts:
+//! * rooms that meet data from outside must have none, and the check fails if they do;
+//! * in the kernels behind them an index is below a dimension that was checked when the kernel was entered, which the
+//!   compiler does not see. They are listed to be looked at, and to become fewer.
+
+use crate::firmware::{self, Programs};
+use crate::machine::Machine;
+use crate::toolchain::CortexM;
+use anyhow::{Context, Result, ensure};
+use object::read::elf::{FileHeader, ProgramHeader};
+use object::{Endianness, elf};
+use std::collections::BTreeSet;
+use std::fmt;
+
+/// Rooms of the core that meet data from outside.
+const OUTER: [&str; 6] = ["gnss", "log", "model", "real.rs", "spp", "stats"];
+
+/// A place in the source.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct Place {
+    file: String,
+    line: u32,
+    column: u32,
+}
+
+impl Place {
+    /// File below `core/src`, if it is there.
+    fn in_core(&self) -> Option<&str> {
+        self.file.rsplit_once("core/src/").map(|(_, file)| file).filter(|_| !self.file.contains("rustlib"))
+    }
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "core/src/{}:{}:{}", self.in_core().unwrap_or(&self.file), self.line, self.column)
+    }
+}
+
+/// Builds the firmware and checks it.
+pub fn run(toolchain: &CortexM) -> Result<()> {
+    let programs = firmware::build(toolchain, Machine::An500)?;
+    let places = places(&programs)?;
+    places.iter().for_each(|place| println!("{place}"));
+    check(&places)
+}
+
+/// Checks programs that are built.
+pub fn test(programs: &Programs) -> Result<()> {
+    check(&places(programs)?)
+}
+
+fn check(places: &BTreeSet<Place>) -> Result<()> {
+    let is_outer = |place: &&Place| {
+        let room = place.in_core().and_then(|file| file.split('/').next()).unwrap_or_default();
+        OUTER.contains(&room)
+    };
+    let outer: Vec<String> = places.iter().filter(is_outer).map(ToString::to_string).collect();
+    ensure!(
+        outer.is_empty(),
+        "the core must not panic on any input, but the compiler cannot rule out a panic here; replace the index or the \
+         arithmetic by one that cannot fail, such as `get`:\n  {}",
+        outer.join("\n  ")
+    );
+    println!(
+        "panics: none in {}; {} guarded places in the kernels (`cargo xtask panics` lists them)",
+        OUTER.join(", "),
+        places.len()
+    );
+    Ok(())
+}
+
+/// Places of the core from which a panic is reachable in the largest program.
+fn places(programs: &Programs) -> Result<BTreeSet<Place>> {
+    let image = programs.get("replay64")?;
+    let program = image.elf();
+    let header = elf::FileHeader32::<Endianness>::parse(program).context("not an ELF file")?;
+    let endian = header.endian()?;
+    let segments: Vec<(u32, &[u8])> = header
+        .program_headers(endian, program)?
+        .iter()
+        .filter(|segment| segment.p_type(endian) == elf::PT_LOAD)
+        .filter_map(|segment| Some((segment.p_vaddr(endian), segment.data(endian, program).ok()?)))
+        .collect();
+    let found = segments.iter().flat_map(|(_, data)| {
+        data.windows(16).step_by(4).filter_map(|record| location(record, &segments)).filter(|p| p.in_core().is_some())
+    });
+    Ok(found.collect())
+}
+
+/// Reads 16 bytes as a `Location`: address and length of the file name, line, column.
+fn location(record: &[u8], segments: &[(u32, &[u8])]) -> Option<Place> {
+    let mut words = record.chunks_exact(4).filter_map(|word| Some(u32::from_le_bytes(word.try_into().ok()?)));
+    let (address, length, line, column) = (words.next()?, words.next()?, words.next()?, words.next()?);
+    let is_plausible = (4..400).contains(&length) && (1..100_000).contains(&line) && (1..1000).contains(&column);
+    if !is_plausible {
+        return None;
+    }
+    let name = segments.iter().find_map(|(start, data)| {
+        let from = usize::try_from(address.checked_sub(*start)?).ok()?;
+        data.get(from..from.checked_add(usize::try_from(length).ok()?)?)
+    })?;
+    let file = std::str::from_utf8(name).ok().filter(|file| file.ends_with(".rs"))?;
+    Some(Place { file: file.to_owned(), line, column })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn place(file: &str) -> Place {
+        Place { file: file.to_owned(), line: 7, column: 9 }
+    }
+
+    #[test]
+    fn a_location_is_read_from_its_bytes() {
+        let name = b"/home/me/core/src/gnss/time.rs";
+        let segments: [(u32, &[u8]); 1] = [(0x400, name)];
+        let record = |words: [u32; 4]| words.map(u32::to_le_bytes).concat();
+        let read = |words| location(&record(words), &segments);
+        let found = read([0x400, 30, 7, 9]).unwrap();
+        assert_eq!(found, place("/home/me/core/src/gnss/time.rs"));
+        assert_eq!(found.to_string(), "core/src/gnss/time.rs:7:9");
+        // Beyond the segment, not a source file, no line.
+        assert_eq!([[0x401, 30, 7, 9], [0x400, 29, 7, 9], [0x400, 30, 0, 9]].map(read), [None, None, None]);
+    }
+
+    #[test]
+    fn outer_rooms_must_not_panic_and_kernels_are_only_listed() {
+        let kernel = place("/home/me/core/src/linalg/view.rs");
+        assert!(check(&BTreeSet::from([kernel.clone()])).is_ok());
+        let error = check(&BTreeSet::from([kernel, place("/home/me/core/src/log/frame.rs")])).unwrap_err();
+        assert!(error.to_string().ends_with("\n  core/src/log/frame.rs:7:9"), "{error}");
+        assert_eq!(place("/usr/lib/rustlib/src/rust/library/core/src/log/x.rs").in_core(), None);
+    }
+}
