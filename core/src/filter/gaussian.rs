@@ -230,15 +230,15 @@ impl<T: Real, const N: usize> Gaussian<T, N> {
     /// Innovation variance s = h P hᵀ + r of a scalar measurement with row `h` (n entries, more are ignored); writes
     /// P hᵀ into `gain` as a by-product.
     fn project(&self, h: &[T], variance: T, gain: &mut [T; N]) -> T {
-        let n = self.dim().min(h.len());
+        let n = self.dim();
         gain.fill(T::ZERO);
         for (row, &hj) in self.covariance[..n].iter().zip(h).filter(|(_, hj)| **hj != T::ZERO) {
-            for (g, &p) in gain[..self.n].iter_mut().zip(row) {
+            for (g, &p) in gain[..n].iter_mut().zip(row) {
                 *g += p * hj;
             }
         }
         let mut s = variance;
-        for (&g, &hi) in gain.iter().zip(&h[..n]) {
+        for (&g, &hi) in gain[..n].iter().zip(h) {
             s += g * hi;
         }
         s

@@ -61,6 +61,16 @@ struct Group {
     innovation: f64,
 }
 
+/// The groups by their index.
+struct Groups([Group; MAX_GROUPS]);
+
+impl Groups {
+    /// The group of a row. The index of a row that is not excluded is below [`MAX_GROUPS`].
+    fn of(&self, row: &Row) -> &Group {
+        &self.0[row.group % MAX_GROUPS]
+    }
+}
+
 /// Marks the rows whose normalised residual exceeds `threshold`, one at a time, the worst first. `information` is Λ
 /// `[1/m²]`, zero where nothing is known of δ. A group left with one row cannot contradict anything.
 pub fn screen(rows: &mut [Row], information: &Matrix3<f64>, threshold: f64) -> Screened {
@@ -78,7 +88,7 @@ pub fn screen(rows: &mut [Row], information: &Matrix3<f64>, threshold: f64) -> S
         outcome.chi_square = (delta.transpose() * information * delta)[0];
         outcome.degrees_of_freedom = 0;
         for (i, row) in rows.iter().enumerate().filter(|(_, row)| !row.excluded) {
-            let group = &groups[row.group];
+            let group = groups.of(row);
             let g = row.gradient - group.gradient;
             let residual = row.innovation - group.innovation - g.dot(&delta);
             let variance = row.variance - 1.0 / group.weight - g.dot(&(covariance * g));
@@ -93,11 +103,13 @@ pub fn screen(rows: &mut [Row], information: &Matrix3<f64>, threshold: f64) -> S
             }
         }
         outcome.degrees_of_freedom -=
-            groups.iter().filter(|group| group.weight > 0.0).count().min(outcome.degrees_of_freedom);
+            groups.0.iter().filter(|group| group.weight > 0.0).count().min(outcome.degrees_of_freedom);
         match worst {
             Some((i, normalised, error)) if normalised > threshold => {
-                rows[i].excluded = true;
-                rows[i].error = error;
+                if let Some(row) = rows.get_mut(i) {
+                    row.excluded = true;
+                    row.error = error;
+                }
                 outcome.outliers += 1;
             }
             _ => break,
@@ -106,15 +118,15 @@ pub fn screen(rows: &mut [Row], information: &Matrix3<f64>, threshold: f64) -> S
     outcome
 }
 
-fn group_means(rows: &[Row]) -> [Group; MAX_GROUPS] {
-    let mut groups = [Group { weight: 0.0, gradient: Vector3::zeros(), innovation: 0.0 }; MAX_GROUPS];
+fn group_means(rows: &[Row]) -> Groups {
+    let mut groups = Groups([Group { weight: 0.0, gradient: Vector3::zeros(), innovation: 0.0 }; MAX_GROUPS]);
     for row in rows.iter().filter(|row| !row.excluded) {
-        let (group, weight) = (&mut groups[row.group], 1.0 / row.variance);
+        let (group, weight) = (&mut groups.0[row.group % MAX_GROUPS], 1.0 / row.variance);
         group.weight += weight;
         group.gradient += row.gradient * weight;
         group.innovation += row.innovation * weight;
     }
-    for group in groups.iter_mut().filter(|group| group.weight > 0.0) {
+    for group in groups.0.iter_mut().filter(|group| group.weight > 0.0) {
         group.gradient /= group.weight;
         group.innovation /= group.weight;
     }
@@ -122,16 +134,12 @@ fn group_means(rows: &[Row]) -> [Group; MAX_GROUPS] {
 }
 
 /// δ and its covariance; without rows, the prior.
-fn solve(
-    rows: &[Row],
-    groups: &[Group; MAX_GROUPS],
-    information: &Matrix3<f64>,
-) -> Option<(Vector3<f64>, Matrix3<f64>)> {
+fn solve(rows: &[Row], groups: &Groups, information: &Matrix3<f64>) -> Option<(Vector3<f64>, Matrix3<f64>)> {
     // A weak prior (1000 km) keeps the normal matrix regular when there are too few rows.
     let mut normal = information + Matrix3::identity() * 1e-12;
     let mut right = Vector3::zeros();
     for row in rows.iter().filter(|row| !row.excluded) {
-        let group = &groups[row.group];
+        let group = groups.of(row);
         let g = row.gradient - group.gradient;
         normal += g * g.transpose() / row.variance;
         right += g * ((row.innovation - group.innovation) / row.variance);

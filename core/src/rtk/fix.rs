@@ -126,17 +126,18 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
     fn try_set(&mut self, solution: &mut Solution, first: bool) -> bool {
         let acceptance = self.config.acceptance;
         let work = &mut self.integers;
-        let m = work.candidates.len();
+        let m = work.candidates.len().min(C);
         work.states.clear();
         for &i in &work.candidates {
             let state = self.channels.as_slice().get(usize::from(i)).and_then(|channel| channel.state);
             let Some(state) = state else { return false };
             let _ = work.states.push(state);
         }
-        for (i, &state) in work.states.iter().enumerate() {
-            work.float[i] = self.density.mean().get(state).copied().unwrap_or(0.0);
-            for (j, &other) in work.states.iter().enumerate() {
-                work.covariance[i][j] = self.density.covariance(state, other);
+        let floats = work.float.iter_mut().zip(&mut work.covariance);
+        for ((float, row), &state) in floats.zip(&work.states) {
+            *float = self.density.mean().get(state).copied().unwrap_or(0.0);
+            for (q, &other) in row.iter_mut().zip(&work.states) {
+                *q = self.density.covariance(state, other);
             }
         }
         let flat = work.covariance.as_flattened();
@@ -192,7 +193,7 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
     /// The constrained density: position and velocity given the values of the current candidates.
     fn constrain(&mut self, solution: &mut Solution) -> bool {
         let work = &mut self.integers;
-        let m = work.candidates.len();
+        let m = work.candidates.len().min(C);
         let kinematic = if self.config.motion.order() > 1 { KINEMATIC } else { 3 };
         let states = [0, 1, 2, 3, 4, 5];
         let (mut mean, mut covariance) = ([0.0; KINEMATIC], [[0.0; KINEMATIC]; KINEMATIC]);

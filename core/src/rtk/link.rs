@@ -110,8 +110,8 @@ pub(super) fn select<const C: usize>(
             continue;
         }
         let merit = |o: &Observation| {
-            let wanted = preferred[group(constellation, slot)];
-            (o.phase.is_none(), o.signal.attribute() != wanted, rank(constellation, o.signal))
+            let wanted = preferred.get(group(constellation, slot)).copied();
+            (o.phase.is_none(), Some(o.signal.attribute()) != wanted, rank(constellation, o.signal))
         };
         let is_same = |o: &&mut Observation| o.satellite == observation.satellite && o.signal.band() == band;
         if let Some(other) = chosen.iter_mut().find(is_same) {

@@ -423,8 +423,11 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
                 reopened: false,
             };
             let group = channel::group(constellation, slot);
-            self.attributes[0][group] = rover.signal.attribute();
-            self.attributes[1][group] = base.signal.attribute();
+            for (attributes, signal) in self.attributes.iter_mut().zip(link.signals) {
+                if let Some(attribute) = attributes.get_mut(group) {
+                    *attribute = signal.attribute();
+                }
+            }
             // Capacity is that of the observations.
             let _ = self.links.push(link);
         }
@@ -502,7 +505,10 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
 /// time of transmission, so that their phases and Doppler are of no use either.
 fn drop_misplaced<const C: usize>(links: &mut Vec<Link, C>) {
     for station in 0..2 {
-        let mut clocks: Vec<f64, C> = links.iter().map(|link| link.clocks[station]).collect();
+        let mut clocks: Vec<f64, C> = Vec::new();
+        for link in links.iter() {
+            let _ = clocks.push(link.clocks[station]);
+        }
         clocks.sort_unstable_by(f64::total_cmp);
         if let Some(&median) = clocks.get(clocks.len() / 2) {
             links.retain(|link| libm::fabs(link.clocks[station] - median) < MISPLACED);

@@ -155,17 +155,17 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
             (channel.last_seen == before && !link.slipped).then_some(())?;
             Some(link.carrier?.jump_since(&channel.carrier?, step))
         };
-        let mut jumps: Vec<f64, C> = self.links.iter().filter_map(jump).filter(|jump| jump.is_finite()).collect();
+        let mut jumps: Vec<f64, C> = Vec::new();
+        for jump in self.links.iter().filter_map(jump).filter(|jump| jump.is_finite()) {
+            let _ = jumps.push(jump);
+        }
         jumps.sort_unstable_by(f64::total_cmp);
         // Fewer than three have no majority.
         let (Some(&common), true) = (jumps.get(jumps.len() / 2), jumps.len() > 2) else { return };
-        for i in 0..self.links.len() {
-            let link = &self.links[i];
+        for link in &mut self.links {
             let limit = DOPPLER_SIGMAS * libm::sqrt(link.doppler_variance) * step
                 + self.config.screening.slip * link.wavelength;
-            if jump(link).is_some_and(|jump| libm::fabs(jump - common) > limit) {
-                self.links[i].slipped = true;
-            }
+            link.slipped |= jump(link).is_some_and(|jump| libm::fabs(jump - common) > limit);
         }
     }
 
@@ -352,45 +352,50 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
             }
             let anchor = self.reference_phase_minus_code(group);
             for index in 0..self.links.len() {
-                let link = &self.links[index];
-                let Some(i) = link.channel.filter(|_| link.slipped && !link.reopened) else { continue };
-                let Some(&channel) = self.channels.as_slice().get(i).filter(|channel| channel.group() == group) else {
-                    continue;
-                };
-                if let Some(state) = channel.state {
-                    let (Some(anchor), Some(b)) = (anchor, self.phase_minus_code(index, channel.offset)) else {
-                        // Without a code there is no telling where the ambiguity went: the phase waits for one.
-                        self.links[index].phase = None;
-                        self.channels.as_mut_slice()[i].slip_pending = true;
-                        continue;
-                    };
-                    let variance = sigma * channel.wavelength / channel.unit();
-                    self.density.inflate(state, variance * variance);
-                    // The jump that the code suggests, in whole cycles where the ambiguity is whole.
-                    let jump = (anchor - b) / channel.unit() - self.ambiguity(&channel);
-                    let jump = if channel.is_integer() { libm::round(jump) } else { jump };
-                    if let Some(mean) = self.density.mean_mut().get_mut(state) {
-                        *mean += jump;
-                    }
-                }
-                let link = &mut self.links[index];
-                link.reopened = true;
-                let signals = link.signals;
-                let half_cycle = link.half_cycle;
-                let channel = &mut self.channels.as_mut_slice()[i];
-                channel.lock = 0;
-                channel.fixed = None;
-                channel.slip_pending = false;
-                channel.signals = signals;
-                channel.half_cycle = half_cycle;
+                self.reopen_channel(index, group, anchor, sigma);
             }
         }
+    }
+
+    /// Widens the prior of the channel of a link, if it slipped and is of the group; `anchor` is the group's phase minus
+    /// code `[m]`.
+    fn reopen_channel(&mut self, index: usize, group: usize, anchor: Option<f64>, sigma: f64) {
+        let Some(&link) = self.links.get(index).filter(|link| link.slipped && !link.reopened) else { return };
+        let Some(i) = link.channel else { return };
+        let Some(&channel) = self.channels.as_slice().get(i).filter(|channel| channel.group() == group) else { return };
+        let jump = anchor.zip(self.phase_minus_code(index, channel.offset)).map(|(anchor, b)| {
+            // The jump that the code suggests, in whole cycles where the ambiguity is whole.
+            let jump = (anchor - b) / channel.unit() - self.ambiguity(&channel);
+            if channel.is_integer() { libm::round(jump) } else { jump }
+        });
+        let (Some(link), Some(tracked)) = (self.links.get_mut(index), self.channels.as_mut_slice().get_mut(i)) else {
+            return;
+        };
+        if let Some(state) = channel.state {
+            let Some(jump) = jump else {
+                // Without a code there is no telling where the ambiguity went: the phase waits for one.
+                link.phase = None;
+                tracked.slip_pending = true;
+                return;
+            };
+            let variance = sigma * channel.wavelength / channel.unit();
+            self.density.inflate(state, variance * variance);
+            if let Some(mean) = self.density.mean_mut().get_mut(state) {
+                *mean += jump;
+            }
+        }
+        link.reopened = true;
+        tracked.lock = 0;
+        tracked.fixed = None;
+        tracked.slip_pending = false;
+        tracked.signals = link.signals;
+        tracked.half_cycle = link.half_cycle;
     }
 
     /// Births: a channel for every link with a phase that has none.
     fn welcome(&mut self, time: GpsTime) {
         for index in 0..self.links.len() {
-            let link = self.links[index];
+            let Some(&link) = self.links.get(index) else { continue };
             let (None, Some(_)) = (link.channel, link.phase) else { continue };
             let mut channel = Channel {
                 satellite: link.satellite,
@@ -415,7 +420,10 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
             let mean = (anchor - (b - channel.wavelength * channel.offset)) / channel.unit();
             let sigma = self.config.screening.sigma_slip * channel.wavelength / channel.unit();
             // A channel without room is not tracked: its code still serves.
-            self.links[index].channel = self.channels.add(&mut self.density, channel, mean, sigma * sigma).ok();
+            let added = self.channels.add(&mut self.density, channel, mean, sigma * sigma).ok();
+            if let Some(link) = self.links.get_mut(index) {
+                link.channel = added;
+            }
         }
     }
 
