@@ -13,7 +13,7 @@
 use super::IntegerError;
 use super::decorrelate::to_integer;
 use super::success_rate::{self, Probability};
-use crate::linalg::{Mat, MatMut, dot, ldl};
+use crate::linalg::{Mat, MatMut, around_mut, dot, ldl, tail};
 use crate::real::Real;
 
 /// Fixes all components of `a`, last first, given U (`factor`, n × n) and `variances` D.
@@ -34,12 +34,14 @@ pub fn bootstrap<T: Real>(
         return Err(IntegerError::NotFinite);
     }
     let mut norm = T::ZERO;
-    for i in (0..n).rev() {
-        let conditional = a[i] - dot(&factor.row(i)[i + 1..], &residual[i + 1..]);
+    let floats = a.iter().zip(variances).zip(fixed).enumerate().rev();
+    for (i, ((&a, &variance), fixed)) in floats {
+        let (_, residual, later) = around_mut(residual, i)?;
+        let conditional = a - dot(tail(factor.row(i), i + 1), later);
         let integer = conditional.round();
-        fixed[i] = to_integer(integer)?;
-        residual[i] = conditional - integer;
-        norm += residual[i] * residual[i] / variances[i];
+        *fixed = to_integer(integer)?;
+        *residual = conditional - integer;
+        norm += *residual * *residual / variance;
     }
     Ok(norm)
 }
@@ -64,17 +66,19 @@ pub fn bootstrap_ordered<T: Real>(
         return Err(IntegerError::Shape);
     }
     // L Dᵢ Lᵀ conditions on the components before, which is the given order.
-    for (i, &row) in order.iter().enumerate() {
-        for (j, &col) in order[..=i].iter().enumerate() {
-            *work.at_mut(i, j) = q.at(row, col);
+    for (work, &row) in work.iter_mut().zip(order) {
+        for (entry, &col) in work.iter_mut().zip(order) {
+            *entry = q.at(row, col);
         }
     }
     ldl::factor_ldlt(work, variances)?;
-    for (i, &index) in order.iter().enumerate() {
-        let conditional = a[index] - dot(&work.row(i)[..i], &residual[..i]);
+    for (i, (&index, fixed)) in order.iter().zip(fixed).enumerate() {
+        let (earlier, residual, _) = around_mut(residual, i)?;
+        let a = *a.get(index).ok_or(IntegerError::Shape)?;
+        let conditional = a - dot(work.row(i), earlier);
         let integer = conditional.round();
-        fixed[i] = to_integer(integer)?;
-        residual[i] = conditional - integer;
+        *fixed = to_integer(integer)?;
+        *residual = conditional - integer;
     }
     Ok(success_rate::bootstrapped(variances))
 }

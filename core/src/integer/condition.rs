@@ -40,15 +40,15 @@ pub fn condition_on_integers<T: Real>(
     if !fits {
         return Err(IntegerError::Shape);
     }
-    for (i, &ambiguity) in ambiguities.iter().enumerate() {
-        let row = covariance.row(ambiguity);
-        for (entry, &column) in factor.row_mut(i).iter_mut().zip(ambiguities) {
-            *entry = row[column];
+    let rows = factor.iter_mut().zip(cross.iter_mut()).zip(residual.iter_mut());
+    for ((&ambiguity, &value), ((factor, cross), residual)) in ambiguities.iter().zip(values).zip(rows) {
+        for (entry, &column) in factor.iter_mut().zip(ambiguities) {
+            *entry = covariance.at(ambiguity, column);
         }
-        for (entry, &state) in cross.row_mut(i).iter_mut().zip(states) {
-            *entry = row[state];
+        for (entry, &state) in cross.iter_mut().zip(states) {
+            *entry = covariance.at(ambiguity, state);
         }
-        residual[i] = mean[ambiguity] - values[i];
+        *residual = *mean.get(ambiguity).ok_or(IntegerError::Shape)? - value;
     }
     cholesky::factor(factor)?;
     triangular::forward_rows(factor.as_ref(), cross)?;
@@ -57,14 +57,15 @@ pub fn condition_on_integers<T: Real>(
     if !norm.is_finite() {
         return Err(IntegerError::NotFinite);
     }
-    for (i, &state) in states.iter().enumerate() {
-        conditional_mean[i] = mean[state];
-        for (entry, &column) in conditional_covariance.row_mut(i).iter_mut().zip(states) {
+    let rows = conditional_mean.iter_mut().zip(conditional_covariance.iter_mut());
+    for (&state, (conditional_mean, row)) in states.iter().zip(rows) {
+        *conditional_mean = *mean.get(state).ok_or(IntegerError::Shape)?;
+        for (entry, &column) in row.iter_mut().zip(states) {
             *entry = covariance.at(state, column);
         }
     }
-    for (i, &z) in residual.iter().enumerate() {
-        axpy(conditional_mean, -z, cross.row(i));
+    for (&z, row) in residual.iter().zip(cross.iter()) {
+        axpy(conditional_mean, -z, row);
     }
     block::subtract_gram(conditional_covariance, cross.as_ref());
     Ok(norm)

@@ -12,7 +12,7 @@ use super::accept::{Decision, Thresholds};
 use super::resolve::{Config, Fix, Method, Work, Workspace};
 use super::success_rate::{self, Probability};
 use super::{IntegerError, decorrelate};
-use crate::linalg::{Mat, MatMut, dot};
+use crate::linalg::{Mat, MatMut, dot, tail};
 use crate::real::Real;
 
 /// Integers for m ≤ n combinations of ambiguities.
@@ -95,18 +95,18 @@ fn resolve_partial_in<'w, T: Real>(
         Fix { best_norm: T::ZERO, second_norm: T::ZERO, ratio: T::ONE, nodes: 0, method }
     };
     // ẑ given the fixed components: the others follow through U, a fixed one is its integer.
-    for i in 0..n {
-        work.reduced[i] = if i < first {
-            work.reduced[i] - dot(&work.factor.row(i)[first..], &work.residual[first..])
+    let fixed_residual = tail(work.residual, first);
+    for ((i, reduced), row) in work.reduced.iter_mut().enumerate().zip(work.factor.iter()) {
+        *reduced = if i < first {
+            *reduced - dot(tail(row, first), fixed_residual)
         } else {
             T::from_f64(work.candidates.at(0, i) as f64)
         };
     }
     decorrelate::back_transform(work.inverse.as_ref(), work.reduced, work.fraction)?;
     // Integers of the combinations of a, not of a − rint(a).
-    for i in first..n {
-        for (&t, &base) in work.transform.row(i).iter().zip(&*work.base) {
-            let value = work.candidates.at_mut(0, i);
+    for (value, row) in work.candidates.row_mut(0).iter_mut().zip(work.transform.iter()).skip(first) {
+        for (&t, &base) in row.iter().zip(&*work.base) {
             let sum = t.checked_mul(base).and_then(|product| value.checked_add(product));
             *value = sum.ok_or(IntegerError::Overflow)?;
         }
@@ -114,13 +114,13 @@ fn resolve_partial_in<'w, T: Real>(
     for (a, &base) in work.fraction.iter_mut().zip(&*work.base) {
         *a += T::from_f64(base as f64);
     }
-    let variances = &work.variances[first..];
+    let variances = tail(work.variances, first);
     let success_rate = success_rate::bootstrapped(variances);
     let adop = success_rate::adop(variances);
     let combinations = work.transform.into_ref().block(first, 0, n - first, n)?;
     Ok(PartialResolution {
         combinations,
-        values: &work.candidates.into_ref().row(0)[first..],
+        values: tail(work.candidates.into_ref().row(0), first),
         conditional: work.fraction,
         best_norm: fix.best_norm,
         second_norm: fix.second_norm,
@@ -147,10 +147,10 @@ pub fn select<T: Real>(
     if indices.iter().any(|&i| i >= n) {
         return Err(IntegerError::Shape);
     }
-    for (i, &row) in indices.iter().enumerate() {
-        sub_a[i] = a[row];
-        for (j, &col) in indices.iter().enumerate() {
-            *sub_q.at_mut(i, j) = q.at(row, col);
+    for (&row, (sub_a, sub_q)) in indices.iter().zip(sub_a.iter_mut().zip(sub_q.iter_mut())) {
+        *sub_a = *a.get(row).ok_or(IntegerError::Shape)?;
+        for (entry, &col) in sub_q.iter_mut().zip(indices) {
+            *entry = q.at(row, col);
         }
     }
     Ok(())

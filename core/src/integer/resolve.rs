@@ -10,7 +10,7 @@ use super::decorrelate::{self, to_integer};
 use super::search::{self, Level, Search};
 use super::success_rate::{self, Probability};
 use super::{IntegerError, bootstrap};
-use crate::linalg::{Mat, MatMut, dot};
+use crate::linalg::{Mat, MatMut, around_mut, dot, tail, tail_mut};
 use crate::real::Real;
 
 /// Q may differ from Qᵀ by this fraction of √(q_ii q_jj): it may come from a text file.
@@ -166,23 +166,15 @@ impl<T: Real> Work<'_, T> {
         if a.len() != n || q.rows() != n || q.cols() != n {
             return Err(IntegerError::Shape);
         }
-        for i in 0..n {
-            if !(a[i].is_finite() && q.row(i).iter().all(|q| q.is_finite())) {
-                return Err(IntegerError::NotFinite);
-            }
-            let integer = a[i].round();
-            self.base[i] = to_integer(integer)?;
-            self.fraction[i] = a[i] - integer;
+        if !a.iter().chain(q.iter().flatten()).all(|x| x.is_finite()) {
+            return Err(IntegerError::NotFinite);
         }
-        let tolerance = T::from_f64(MAX_ASYMMETRY);
-        for i in 0..n {
-            for j in 0..i {
-                let scale = q.at(i, i).abs().sqrt() * q.at(j, j).abs().sqrt();
-                if (q.at(i, j) - q.at(j, i)).abs() > tolerance * scale {
-                    return Err(IntegerError::Asymmetric { row: i });
-                }
-            }
+        for (&a, (base, fraction)) in a.iter().zip(self.base.iter_mut().zip(self.fraction.iter_mut())) {
+            let integer = a.round();
+            *base = to_integer(integer)?;
+            *fraction = a - integer;
         }
+        check_symmetry(q)?;
         self.factor.copy_from(q)?;
         self.factor.symmetrize();
         decorrelate::decorrelate(&mut self.factor, self.variances, &mut self.transform, &mut self.inverse)?;
@@ -194,17 +186,18 @@ impl<T: Real> Work<'_, T> {
         let n = self.base.len();
         let m = n - first;
         let factor = self.factor.as_ref().block(first, first, m, m)?;
-        let (reduced, variances) = (&self.reduced[first..], &self.variances[first..]);
-        let residual = &mut self.residual[first..];
+        let (reduced, variances) = (tail(self.reduced, first), tail(self.variances, first));
+        let residual = tail_mut(self.residual, first);
         let mut candidates = self.candidates.block_mut(0, first, 2, m)?;
         let mut norms = [T::ZERO; 2];
-        let levels = &mut self.levels[first..];
+        let levels = tail_mut(self.levels, first);
         match search::search(reduced, factor, variances, budget, &mut candidates, &mut norms, levels, residual)? {
             Search::Complete { nodes } => {
                 // Residuals along the best candidate, which the search has since left.
-                for i in (0..m).rev() {
-                    let conditional = reduced[i] - dot(&factor.row(i)[i + 1..], &residual[i + 1..]);
-                    residual[i] = conditional - T::from_f64(candidates.at(0, i) as f64);
+                for (i, (&reduced, &integer)) in reduced.iter().zip(candidates.row(0)).enumerate().rev() {
+                    let (_, residual, later) = around_mut(residual, i)?;
+                    let conditional = reduced - dot(tail(factor.row(i), i + 1), later);
+                    *residual = conditional - T::from_f64(integer as f64);
                 }
                 let [best_norm, second_norm] = norms;
                 Ok(Fix { best_norm, second_norm, ratio: second_norm / best_norm, nodes, method: Method::LeastSquares })
@@ -212,12 +205,26 @@ impl<T: Real> Work<'_, T> {
             Search::Exhausted { nodes } => {
                 let norm = bootstrap::bootstrap(reduced, factor, variances, candidates.row_mut(0), residual)?;
                 let (second, best) = candidates.row_pair(1, 0);
-                second.copy_from_slice(best);
+                second.iter_mut().zip(best).for_each(|(second, &best)| *second = best);
                 let method = Method::Bootstrapped;
                 Ok(Fix { best_norm: norm, second_norm: norm, ratio: T::ONE, nodes, method })
             }
         }
     }
+}
+
+/// Whether Q differs from Qᵀ by no more than a text file would make it.
+fn check_symmetry<T: Real>(q: Mat<'_, T>) -> Result<(), IntegerError> {
+    for (i, row) in q.iter().enumerate() {
+        for (j, &entry) in row.iter().enumerate().take(i) {
+            let difference = (entry - q.at(j, i)).abs();
+            let scale = |i| q.at(i, i).abs().sqrt();
+            if difference > T::ZERO && difference > T::from_f64(MAX_ASYMMETRY) * scale(i) * scale(j) {
+                return Err(IntegerError::Asymmetric { row: i });
+            }
+        }
+    }
+    Ok(())
 }
 
 /// Resolves all ambiguities `a` `[cycles]` with covariance `q` `[cycles²]`.
@@ -240,7 +247,7 @@ fn resolve_in<'w, T: Real>(
     let fix = work.fix_from(0, config.budget)?;
     for candidate in 0..2 {
         let fixed = work.fixed.row_mut(candidate);
-        fixed.copy_from_slice(work.base);
+        fixed.iter_mut().zip(&*work.base).for_each(|(fixed, &base)| *fixed = base);
         decorrelate::back_transform_integers(work.inverse.as_ref(), work.candidates.row(candidate), fixed)?;
     }
     let fixed = work.fixed.into_ref();

@@ -10,7 +10,7 @@
 
 use super::IntegerError;
 use super::decorrelate::to_integer;
-use crate::linalg::{Mat, MatMut, dot};
+use crate::linalg::{Mat, MatMut, at, at_mut, dot, tail};
 use crate::real::Real;
 
 /// Nodes allowed by default, of order 1 ms on a host.
@@ -86,32 +86,34 @@ pub fn search<T: Real>(
         }
     }
     norms.fill(T::ONE / T::ZERO);
+    let mut bound = T::ONE / T::ZERO;
     let top = n - 1;
     let mut level = top;
-    levels[top] = Level::enter(a[top], T::ZERO);
+    *at_mut(levels, top)? = Level::enter(*at(a, top)?, T::ZERO);
     let mut nodes = 0;
     loop {
         if nodes == budget {
             return Ok(Search::Exhausted { nodes });
         }
         nodes += 1;
-        let here = &levels[level];
+        let here = at_mut(levels, level)?;
         let offset = here.conditional - here.integer;
-        let distance = here.distance + offset * offset / variances[level];
-        if distance < norms[k - 1] {
+        let distance = here.distance + offset * offset / *at(variances, level)?;
+        if distance < bound {
             if level > 0 {
-                residual[level] = offset;
+                *at_mut(residual, level)? = offset;
+                let carried = dot(tail(factor.row(level - 1), level), tail(residual, level));
                 level -= 1;
-                let conditional = a[level] - dot(&factor.row(level)[level + 1..], &residual[level + 1..]);
-                levels[level] = Level::enter(conditional, distance);
+                *at_mut(levels, level)? = Level::enter(*at(a, level)? - carried, distance);
             } else {
                 insert(candidates, norms, distance, levels)?;
-                levels[0].advance();
+                bound = norms.last().copied().unwrap_or(bound);
+                at_mut(levels, 0)?.advance();
             }
         } else if level < top {
             // Every other integer of this level is farther away: back to the level above.
             level += 1;
-            levels[level].advance();
+            at_mut(levels, level)?.advance();
         } else {
             return Ok(Search::Complete { nodes });
         }
@@ -125,13 +127,12 @@ fn insert<T: Real>(
     norm: T,
     levels: &[Level<T>],
 ) -> Result<(), IntegerError> {
-    let mut place = norms.len() - 1;
-    while place > 0 && norm < norms[place - 1] {
-        norms[place] = norms[place - 1];
-        candidates.swap_rows(place, place - 1);
-        place -= 1;
+    let place = norms.iter().take_while(|&&nearer| nearer <= norm).count();
+    let mut moved = norm;
+    for (later, held) in norms.iter_mut().enumerate().skip(place) {
+        core::mem::swap(held, &mut moved);
+        candidates.swap_rows(place, later);
     }
-    norms[place] = norm;
     for (entry, level) in candidates.row_mut(place).iter_mut().zip(levels) {
         *entry = to_integer(level.integer)?;
     }

@@ -11,7 +11,7 @@
 //! Like the plain scalar form the block form is for priors up to about 1e5 times the measurement noise.
 
 use super::view::{Mat, MatMut};
-use super::{LinalgError, axpy, cholesky, dot, triangular};
+use super::{LinalgError, axpy, cholesky, dot, head_mut, triangular};
 use crate::real::Real;
 
 /// What a block update found.
@@ -49,14 +49,14 @@ pub fn update_block<T: Real>(
                 axpy(row, h, p.row(k));
             }
         }
-        for j in 0..=i {
-            *r.at_mut(i, j) += dot(work.row(i), h.row(j));
+        for (entry, h) in head_mut(r.row_mut(i), i + 1).iter_mut().zip(h.iter()) {
+            *entry += dot(work.row(i), h);
         }
     }
     cholesky::factor(r)?;
     triangular::forward_rows(r.as_ref(), work)?;
     triangular::forward(r.as_ref(), innovation)?;
-    if !(innovation.iter().all(|z| z.is_finite()) && (0..m).all(|i| work.row(i).iter().all(|w| w.is_finite()))) {
+    if !(innovation.iter().all(|z| z.is_finite()) && work.as_ref().iter().flatten().all(|w| w.is_finite())) {
         return Err(LinalgError::NotFinite);
     }
     subtract_gram(p, work.as_ref());
@@ -71,10 +71,12 @@ pub fn update_block<T: Real>(
 
 /// P ← P − Wᵀ W for a full symmetric P (n × n) and W (m × n); the lower triangle is computed and mirrored.
 pub(crate) fn subtract_gram<T: Real>(p: &mut MatMut<'_, T>, w: Mat<'_, T>) {
-    for i in 0..p.rows() {
-        for k in 0..w.rows() {
-            let row = w.row(k);
-            axpy(&mut p.row_mut(i)[..=i], -row[i], &row[..=i]);
+    for (i, row) in p.iter_mut().enumerate() {
+        let to_diagonal = head_mut(row, i + 1);
+        for w in w.iter() {
+            if let Some(&w_i) = w.get(i) {
+                axpy(to_diagonal, -w_i, w);
+            }
         }
     }
     p.mirror_lower();

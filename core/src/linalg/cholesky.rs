@@ -7,7 +7,7 @@
 //! rounding error and nothing else.
 
 use super::view::{Mat, MatMut};
-use super::{LinalgError, dot, triangular};
+use super::{LinalgError, around, around_mut, dot, triangular};
 use crate::real::Real;
 
 /// Replaces the lower triangle of the symmetric n × n `a` by L. Reads the lower triangle only and leaves the strict
@@ -17,17 +17,18 @@ pub fn factor<T: Real>(a: &mut MatMut<'_, T>) -> Result<(), LinalgError> {
         return Err(LinalgError::Shape);
     }
     for i in 0..a.rows() {
-        for j in 0..i {
-            let (row_i, row_j) = a.row_pair(i, j);
-            row_i[j] = (row_i[j] - dot(&row_i[..j], &row_j[..j])) / row_j[j];
+        let (above, row) = a.split_row(i);
+        for (j, row_j) in above.iter().enumerate() {
+            let (before, entry, _) = around_mut(row, j)?;
+            let (before_j, &pivot, _) = around(row_j, j)?;
+            *entry = (*entry - dot(before, before_j)) / pivot;
         }
-        let row = a.row_mut(i);
-        let diagonal = row[i];
-        let pivot = diagonal - dot(&row[..i], &row[..i]);
-        if !(pivot > T::EPSILON * diagonal && pivot.is_finite()) {
+        let (before, entry, _) = around_mut(row, i)?;
+        let pivot = *entry - dot(before, before);
+        if !(pivot > T::EPSILON * *entry && pivot.is_finite()) {
             return Err(LinalgError::NotPositiveDefinite { pivot: i });
         }
-        row[i] = pivot.sqrt();
+        *entry = pivot.sqrt();
     }
     Ok(())
 }

@@ -15,7 +15,8 @@
 //! | [`block`] | Kalman update by several correlated measurements, whitening |
 //!
 //! Nothing here allocates or panics. Shapes are checked once on entry; where a function fails on its numbers, its
-//! documentation says what state the arguments are left in.
+//! documentation says what state the arguments are left in. Behind the check there is no index that could fail: rows
+//! are walked by iterators or cut by [`head`], [`tail`] and [`around`], so that the compiler leaves no panic behind.
 
 pub mod block;
 pub mod cholesky;
@@ -31,6 +32,53 @@ pub use error::LinalgError;
 pub use view::{Mat, MatMut};
 
 use crate::real::Real;
+
+/// The first `n` of `x`, or all where there are fewer.
+pub(crate) fn head<T>(x: &[T], n: usize) -> &[T] {
+    x.get(..n).unwrap_or(x)
+}
+
+/// What of `x` comes at `start` and later, nothing where there are fewer.
+pub(crate) fn tail<T>(x: &[T], start: usize) -> &[T] {
+    x.get(start..).unwrap_or(&[])
+}
+
+/// As [`head`], to write.
+pub(crate) fn head_mut<T>(x: &mut [T], n: usize) -> &mut [T] {
+    let n = n.min(x.len());
+    x.split_at_mut_checked(n).map_or(&mut [], |(head, _)| head)
+}
+
+/// As [`tail`], to write.
+pub(crate) fn tail_mut<T>(x: &mut [T], start: usize) -> &mut [T] {
+    x.get_mut(start..).unwrap_or(&mut [])
+}
+
+/// Entry `i` of `x`.
+pub(crate) fn at<T>(x: &[T], i: usize) -> Result<&T, LinalgError> {
+    x.get(i).ok_or(LinalgError::Shape)
+}
+
+/// As [`at`], to write.
+pub(crate) fn at_mut<T>(x: &mut [T], i: usize) -> Result<&mut T, LinalgError> {
+    x.get_mut(i).ok_or(LinalgError::Shape)
+}
+
+/// What is before, at and after index `i` of `x`.
+pub(crate) fn around<T>(x: &[T], i: usize) -> Result<(&[T], &T, &[T]), LinalgError> {
+    match x.split_at_checked(i) {
+        Some((before, [at, after @ ..])) => Ok((before, at, after)),
+        _ => Err(LinalgError::Shape),
+    }
+}
+
+/// As [`around`], to write.
+pub(crate) fn around_mut<T>(x: &mut [T], i: usize) -> Result<(&mut [T], &mut T, &mut [T]), LinalgError> {
+    match x.split_at_mut_checked(i) {
+        Some((before, [at, after @ ..])) => Ok((before, at, after)),
+        _ => Err(LinalgError::Shape),
+    }
+}
 
 /// Σ aᵢ bᵢ over the shorter of the two. Four sums run side by side, in the same order on every machine: a processor
 /// can overlap them, and results stay the same bit for bit.

@@ -17,7 +17,7 @@
 //! nonzeros in h the plain update costs z·n + n²/2 multiply-adds, the Joseph form about (2z + 1.5 n)·n.
 
 use super::view::MatMut;
-use super::{LinalgError, axpy, dot};
+use super::{LinalgError, axpy, dot, head_mut};
 use crate::real::Real;
 
 /// What a scalar update found.
@@ -56,9 +56,10 @@ impl<T: Real> Row<'_, T> {
     fn dot(&self, x: &[T]) -> T {
         match self {
             Self::Dense(h) => dot(h, x),
-            Self::Sparse { indices, values } => {
-                indices.iter().zip(*values).fold(T::ZERO, |sum, (&i, &value)| sum + value * x[i])
-            }
+            Self::Sparse { indices, values } => indices
+                .iter()
+                .zip(*values)
+                .fold(T::ZERO, |sum, (&i, &value)| sum + value * x.get(i).copied().unwrap_or(T::ZERO)),
         }
     }
 
@@ -94,9 +95,8 @@ pub fn update_scalar<T: Real>(
     gain: &mut [T],
 ) -> Result<ScalarUpdate<T>, LinalgError> {
     let update = prepare(mean, p, h, innovation, variance, gain)?;
-    for i in 0..mean.len() {
-        let k = gain[i] / update.innovation_variance;
-        axpy(&mut p.row_mut(i)[..=i], -k, &gain[..=i]);
+    for ((i, row), &v) in p.iter_mut().enumerate().zip(&*gain) {
+        axpy(head_mut(row, i + 1), -(v / update.innovation_variance), gain);
     }
     p.mirror_lower();
     finish(mean, innovation, &update, gain);
@@ -120,14 +120,13 @@ pub fn update_scalar_joseph<T: Real>(
     // A = (I − k hᵀ) P, then A − (A h) kᵀ + r k kᵀ. The product A h, which is r k but for rounding, is computed from
     // A itself: this is what makes the form stable.
     let s = update.innovation_variance;
-    for i in 0..mean.len() {
-        let k = gain[i] / s;
-        let row = p.row_mut(i);
+    for (row, (work, &v)) in p.iter_mut().zip(work.iter_mut().zip(&*gain)) {
+        let k = v / s;
         axpy(row, -k, gain);
-        work[i] = variance * k - h.dot(row);
+        *work = variance * k - h.dot(row);
     }
-    for i in 0..mean.len() {
-        axpy(&mut p.row_mut(i)[..=i], work[i] / s, &gain[..=i]);
+    for (i, (row, &work)) in p.iter_mut().zip(&*work).enumerate() {
+        axpy(head_mut(row, i + 1), work / s, gain);
     }
     p.mirror_lower();
     finish(mean, innovation, &update, gain);

@@ -3,7 +3,7 @@
 //! Only the lower triangle of L is read. Cost n²/2 multiply-adds a right-hand side, n³/6 for the inverse.
 
 use super::view::{Mat, MatMut};
-use super::{LinalgError, axpy, dot, scale};
+use super::{LinalgError, around, around_mut, axpy, dot, head, scale};
 use crate::real::Real;
 
 /// Checks that `l` is square of dimension `n` and has a usable diagonal.
@@ -20,9 +20,10 @@ fn check<T: Real>(l: Mat<'_, T>, n: usize) -> Result<(), LinalgError> {
 /// Solves L y = b in place of `b`.
 pub fn forward<T: Real>(l: Mat<'_, T>, b: &mut [T]) -> Result<(), LinalgError> {
     check(l, b.len())?;
-    for i in 0..b.len() {
-        let row = l.row(i);
-        b[i] = (b[i] - dot(&row[..i], &b[..i])) / row[i];
+    for (i, row) in l.iter().enumerate() {
+        let (solved, entry, _) = around_mut(b, i)?;
+        let (row, &diagonal, _) = around(row, i)?;
+        *entry = (*entry - dot(row, solved)) / diagonal;
     }
     Ok(())
 }
@@ -31,10 +32,10 @@ pub fn forward<T: Real>(l: Mat<'_, T>, b: &mut [T]) -> Result<(), LinalgError> {
 pub fn back_transposed<T: Real>(l: Mat<'_, T>, b: &mut [T]) -> Result<(), LinalgError> {
     check(l, b.len())?;
     for i in (0..b.len()).rev() {
-        let row = l.row(i);
-        let x = b[i] / row[i];
-        b[i] = x;
-        axpy(&mut b[..i], -x, &row[..i]);
+        let (open, entry, _) = around_mut(b, i)?;
+        let (row, &diagonal, _) = around(l.row(i), i)?;
+        *entry /= diagonal;
+        axpy(open, -*entry, row);
     }
     Ok(())
 }
@@ -43,11 +44,12 @@ pub fn back_transposed<T: Real>(l: Mat<'_, T>, b: &mut [T]) -> Result<(), Linalg
 pub fn forward_rows<T: Real>(l: Mat<'_, T>, b: &mut MatMut<'_, T>) -> Result<(), LinalgError> {
     check(l, b.rows())?;
     for i in 0..b.rows() {
-        for j in 0..i {
-            let (target, source) = b.row_pair(i, j);
-            axpy(target, -l.at(i, j), source);
+        let (solved, target) = b.split_row(i);
+        let (row, &diagonal, _) = around(l.row(i), i)?;
+        for (&l, source) in row.iter().zip(solved.iter()) {
+            axpy(target, -l, source);
         }
-        scale(b.row_mut(i), T::ONE / l.at(i, i));
+        scale(target, T::ONE / diagonal);
     }
     Ok(())
 }
@@ -56,10 +58,11 @@ pub fn forward_rows<T: Real>(l: Mat<'_, T>, b: &mut MatMut<'_, T>) -> Result<(),
 pub fn back_transposed_rows<T: Real>(l: Mat<'_, T>, b: &mut MatMut<'_, T>) -> Result<(), LinalgError> {
     check(l, b.rows())?;
     for i in (0..b.rows()).rev() {
-        scale(b.row_mut(i), T::ONE / l.at(i, i));
-        for j in 0..i {
-            let (target, source) = b.row_pair(j, i);
-            axpy(target, -l.at(i, j), source);
+        let (mut open, source) = b.split_row(i);
+        let (row, &diagonal, _) = around(l.row(i), i)?;
+        scale(source, T::ONE / diagonal);
+        for (&l, target) in row.iter().zip(open.iter_mut()) {
+            axpy(target, -l, source);
         }
     }
     Ok(())
@@ -71,16 +74,16 @@ pub fn invert<T: Real>(l: &mut MatMut<'_, T>) -> Result<(), LinalgError> {
     check(l.as_ref(), n)?;
     for i in 0..n {
         // Row i of L⁻¹ is −(1/Lᵢᵢ) Σⱼ Lᵢⱼ (row j of L⁻¹); row j has entries up to column j.
-        let inverse = T::ONE / l.at(i, i);
-        for j in 0..i {
-            let (row_i, row_j) = l.row_pair(i, j);
-            let factor = row_i[j];
-            row_i[j] = T::ZERO;
-            axpy(&mut row_i[..=j], factor, &row_j[..=j]);
+        let (above, row) = l.split_row(i);
+        for (j, row_j) in above.iter().enumerate() {
+            let (_, entry, _) = around_mut(row, j)?;
+            let factor = *entry;
+            *entry = T::ZERO;
+            axpy(row, factor, head(row_j, j + 1));
         }
-        let row = l.row_mut(i);
-        scale(&mut row[..i], -inverse);
-        row[i] = inverse;
+        let (before, diagonal, _) = around_mut(row, i)?;
+        *diagonal = T::ONE / *diagonal;
+        scale(before, -*diagonal);
     }
     Ok(())
 }

@@ -5,7 +5,7 @@
 //!
 //! Panic contract: none. A row out of range is the empty slice, an entry out of range is `None`.
 
-use super::LinalgError;
+use super::{LinalgError, head, head_mut, tail_mut};
 use crate::real::Real;
 
 /// Whether `rows × cols` with leading dimension `ld` fits into `len` numbers.
@@ -82,9 +82,17 @@ impl<'a, T: Copy> Mat<'a, T> {
         Self::new(self.data.get(start..).unwrap_or(&[]), rows, cols, self.ld)
     }
 
-    /// Entry (i, j) known to be in range.
+    /// The rows in order.
+    pub(crate) fn iter(&self) -> impl Iterator<Item = &'a [T]> + use<'a, T> {
+        let cols = self.cols;
+        self.data.chunks(self.ld.max(1)).take(self.rows).map(move |row| head(row, cols))
+    }
+}
+
+impl<T: Copy + Default> Mat<'_, T> {
+    /// Entry (i, j) known to be in range; 0 where there is none.
     pub(crate) fn at(&self, i: usize, j: usize) -> T {
-        self.data[i * self.ld + j]
+        self.data.get(i * self.ld + j).copied().unwrap_or_default()
     }
 }
 
@@ -153,22 +161,61 @@ impl<'a, T: Copy> MatMut<'a, T> {
 
     /// Row `target` to write and row `source` to read; both empty unless they are two different rows of the matrix.
     pub fn row_pair(&mut self, target: usize, source: usize) -> (&mut [T], &[T]) {
-        if target == source || target.max(source) >= self.rows {
-            return (&mut [], &[]);
+        let (target, source) = self.two_rows_mut(target, source);
+        (target, source)
+    }
+
+    /// Rows `i` and `j` to write; both empty unless they are two different rows of the matrix.
+    pub(crate) fn two_rows_mut(&mut self, i: usize, j: usize) -> (&mut [T], &mut [T]) {
+        if i == j {
+            return (&mut [], &mut []);
         }
-        let (cols, ld) = (self.cols, self.ld);
-        let (upper, lower) = self.data.split_at_mut(target.max(source) * ld);
-        let first = target.min(source) * ld;
-        let (first, second) = (&mut upper[first..first + cols], &mut lower[..cols]);
-        if target < source { (first, second) } else { (second, first) }
+        let (above, second) = self.split_row(i.max(j));
+        if second.is_empty() {
+            return (&mut [], &mut []);
+        }
+        let first = above.take_row(i.min(j));
+        if i < j { (first, second) } else { (second, first) }
+    }
+
+    /// The rows above row `i`, and row `i`; that is empty where there is none.
+    pub(crate) fn split_row(&mut self, i: usize) -> (MatMut<'_, T>, &mut [T]) {
+        let (above, rest) = self.split_at(i);
+        (above, rest.take_row(0))
+    }
+
+    /// The rows above row `i`, and the others.
+    pub(crate) fn split_at(&mut self, i: usize) -> (MatMut<'_, T>, MatMut<'_, T>) {
+        let (rows, cols, ld) = (i.min(self.rows), self.cols, self.ld);
+        let (above, rest) = self.data.split_at_mut_checked(rows * ld).unwrap_or((&mut [], &mut []));
+        (MatMut { data: above, rows, cols, ld }, MatMut { data: rest, rows: self.rows - rows, cols, ld })
+    }
+
+    /// The rows in order.
+    pub(crate) fn iter(&self) -> impl Iterator<Item = &[T]> {
+        self.as_ref().iter()
+    }
+
+    /// The rows in order, to write.
+    pub(crate) fn iter_mut(&mut self) -> impl Iterator<Item = &mut [T]> {
+        let cols = self.cols;
+        self.data.chunks_mut(self.ld.max(1)).take(self.rows).map(move |row| head_mut(row, cols))
+    }
+
+    /// Row `i` to write for as long as the buffer is borrowed, empty where there is none.
+    fn take_row(self, i: usize) -> &'a mut [T] {
+        if i >= self.rows {
+            return &mut [];
+        }
+        let start = i * self.ld;
+        self.data.get_mut(start..start + self.cols).unwrap_or(&mut [])
     }
 
     /// Exchanges rows `i` and `j`; nothing happens where one does not exist.
     pub fn swap_rows(&mut self, i: usize, j: usize) {
-        if i != j && i.max(j) < self.rows {
-            for c in 0..self.cols {
-                self.data.swap(i * self.ld + c, j * self.ld + c);
-            }
+        let (row_i, row_j) = self.two_rows_mut(i, j);
+        for (a, b) in row_i.iter_mut().zip(row_j) {
+            core::mem::swap(a, b);
         }
     }
 
@@ -195,9 +242,7 @@ impl<'a, T: Copy> MatMut<'a, T> {
 
     /// Sets every entry to `value`.
     pub fn fill(&mut self, value: T) {
-        for i in 0..self.rows {
-            self.row_mut(i).fill(value);
-        }
+        self.iter_mut().for_each(|row| row.fill(value));
     }
 
     /// Copies `source`, which must have the same shape.
@@ -205,40 +250,38 @@ impl<'a, T: Copy> MatMut<'a, T> {
         if self.rows != source.rows || self.cols != source.cols {
             return Err(LinalgError::Shape);
         }
-        for i in 0..self.rows {
-            self.row_mut(i).copy_from_slice(source.row(i));
+        for (row, source) in self.iter_mut().zip(source.iter()) {
+            for (entry, &value) in row.iter_mut().zip(source) {
+                *entry = value;
+            }
         }
         Ok(())
     }
 
     /// Copies the strict lower triangle of a square matrix onto the upper one.
     pub fn mirror_lower(&mut self) {
-        let n = self.rows.min(self.cols);
-        for i in 1..n {
-            for j in 0..i {
-                self.data[j * self.ld + i] = self.data[i * self.ld + j];
-            }
-        }
+        self.for_pairs(|upper, lower| *upper = *lower);
     }
 
     /// Transposes a square matrix in place; of a wide or tall one, its leading square.
     pub fn transpose(&mut self) {
-        let n = self.rows.min(self.cols);
-        for i in 1..n {
-            for j in 0..i {
-                self.data.swap(j * self.ld + i, i * self.ld + j);
-            }
+        self.for_pairs(core::mem::swap);
+    }
+
+    /// Calls `change` with entries (j, i) and (i, j) for all j < i of the leading square.
+    fn for_pairs(&mut self, change: impl Fn(&mut T, &mut T)) {
+        for i in 1..self.rows.min(self.cols) {
+            let (above, row) = self.split_row(i);
+            let column = tail_mut(above.data, i).iter_mut().step_by(above.ld.max(1));
+            column.zip(row).for_each(|(upper, lower)| change(upper, lower));
         }
     }
+}
 
-    /// Entry (i, j) known to be in range.
+impl<T: Copy + Default> MatMut<'_, T> {
+    /// Entry (i, j) known to be in range; 0 where there is none.
     pub(crate) fn at(&self, i: usize, j: usize) -> T {
-        self.data[i * self.ld + j]
-    }
-
-    /// Entry (i, j) known to be in range, to write.
-    pub(crate) fn at_mut(&mut self, i: usize, j: usize) -> &mut T {
-        &mut self.data[i * self.ld + j]
+        self.as_ref().at(i, j)
     }
 }
 
@@ -246,13 +289,10 @@ impl<T: Real> MatMut<'_, T> {
     /// Replaces a square matrix by (A + Aᵀ)/2.
     pub fn symmetrize(&mut self) {
         let half = T::from_f64(0.5);
-        for i in 0..self.rows.min(self.cols) {
-            for j in 0..i {
-                let mean = half * (self.at(i, j) + self.at(j, i));
-                *self.at_mut(i, j) = mean;
-                *self.at_mut(j, i) = mean;
-            }
-        }
+        self.for_pairs(|upper, lower| {
+            let mean = half * (*upper + *lower);
+            (*upper, *lower) = (mean, mean);
+        });
     }
 }
 
