@@ -2,4 +2,5 @@
 
 pub mod common_term;
 pub mod gaussian;
+pub mod linearize;
 pub mod screen;

@@ -13,6 +13,9 @@
 //! | [`triangular`] | forward and back substitution, inverse |
 //! | [`sequential`] | Kalman update by one scalar measurement, plain and Joseph |
 //! | [`block`] | Kalman update by several correlated measurements, whitening |
+//! | [`symmetric`] | congruences and updates of the lower triangle alone |
+//! | [`square_root`] | Kalman update of a Cholesky factor by rotations |
+//! | [`projection`] | least squares by orthogonal columns |
 //!
 //! Nothing here allocates or panics. Shapes are checked once on entry; where a function fails on its numbers, its
 //! documentation says what state the arguments are left in. Behind the check there is no index that could fail: rows
@@ -22,9 +25,12 @@ pub mod block;
 pub mod cholesky;
 mod error;
 pub mod ldl;
+pub mod projection;
 pub mod sequential;
 #[cfg(test)]
 pub(crate) mod spd;
+pub mod square_root;
+pub mod symmetric;
 pub mod triangular;
 pub mod view;
 

@@ -3,3 +3,5 @@
 pub mod combination;
 pub mod motion;
 pub mod noise;
+pub mod partially_linear;
+pub mod virtual_bias;

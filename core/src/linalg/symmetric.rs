@@ -1,0 +1,259 @@
+//! Operations on a symmetric matrix of which only the lower triangle is kept up to date.
+//!
+//! This halves the work of an update, and leaves the strict upper triangle free to hold the last good matrix: with its
+//! diagonal kept aside, [`restore`] takes everything back, and [`super::MatMut::mirror_lower`] makes the new matrix the
+//! last good one. A filter gets "unchanged on error" for n numbers of memory.
+//!
+//! Shapes: P is n × n. Every function reads and writes the lower triangle only. Panic contract: none; indices beyond the
+//! matrix are ignored.
+
+use super::view::{Mat, MatMut};
+use super::{LinalgError, axpy, dot};
+use crate::real::Real;
+
+/// out ← out + s · (row i of P).
+pub fn add_row<T: Real>(p: Mat<'_, T>, i: usize, s: T, out: &mut [T]) {
+    let n = p.rows().min(out.len());
+    if i >= n {
+        return;
+    }
+    axpy(&mut out[..=i], s, p.row(i));
+    for (j, out) in out[..n].iter_mut().enumerate().skip(i + 1) {
+        *out += s * p.at(j, i);
+    }
+}
+
+/// out ← row i of P.
+pub fn copy_row<T: Real>(p: Mat<'_, T>, i: usize, out: &mut [T]) {
+    let n = p.rows().min(out.len());
+    if i >= n {
+        return;
+    }
+    out[..=i].copy_from_slice(&p.row(i)[..=i]);
+    for (j, out) in out[..n].iter_mut().enumerate().skip(i + 1) {
+        *out = p.at(j, i);
+    }
+}
+
+/// P_ij for any i and j.
+pub fn entry<T: Real>(p: Mat<'_, T>, i: usize, j: usize) -> Option<T> {
+    p.get(i.max(j), i.min(j))
+}
+
+/// P ← E P Eᵀ with E = I + `factor` · e_to e_fromᵀ: the covariance after x_to ← x_to + factor · x_from. Cost n.
+pub fn shear<T: Real>(p: &mut MatMut<'_, T>, to: usize, from: usize, factor: T) {
+    let n = p.rows();
+    if to >= n || from >= n || to == from {
+        return;
+    }
+    let (cross, variance) = (p.at(to.max(from), to.min(from)), p.at(from, from));
+    for k in 0..n {
+        if k != to {
+            let term = factor * p.at(from.max(k), from.min(k));
+            *p.at_mut(to.max(k), to.min(k)) += term;
+        }
+    }
+    *p.at_mut(to, to) += factor * (cross + cross + factor * variance);
+}
+
+/// The covariance after x_state ← factor · x_state.
+pub fn scale_state<T: Real>(p: &mut MatMut<'_, T>, state: usize, factor: T) {
+    for k in 0..p.rows() {
+        if state < p.rows() {
+            *p.at_mut(state.max(k), state.min(k)) *= factor;
+        }
+    }
+    if state < p.rows() {
+        *p.at_mut(state, state) *= factor;
+    }
+}
+
+/// P ← P − Wᵀ W for W (m × n), four rows of W at a time, in the order of the rows.
+pub fn subtract_gram<T: Real>(p: &mut MatMut<'_, T>, w: Mat<'_, T>) {
+    let m = w.rows();
+    let in_fours = m - m % 4;
+    for i in 0..p.rows().min(w.cols()) {
+        let row = &mut p.row_mut(i)[..=i];
+        for k in (0..in_fours).step_by(4) {
+            let rows = [w.row(k), w.row(k + 1), w.row(k + 2), w.row(k + 3)];
+            let [w0, w1, w2, w3] = rows.map(|row| &row[..=i]);
+            let [a0, a1, a2, a3] = rows.map(|row| row[i]);
+            for ((((p, &w0), &w1), &w2), &w3) in row.iter_mut().zip(w0).zip(w1).zip(w2).zip(w3) {
+                *p = *p - a0 * w0 - a1 * w1 - a2 * w2 - a3 * w3;
+            }
+        }
+        for k in in_fours..m {
+            axpy(row, -w.row(k)[i], &w.row(k)[..=i]);
+        }
+    }
+}
+
+/// L ← L Lᵀ for the lower triangle of L, in place.
+pub fn square<T: Real>(l: &mut MatMut<'_, T>) {
+    for i in (0..l.rows().min(l.cols())).rev() {
+        for j in (0..=i).rev() {
+            let product = dot(&l.row(i)[..=j], &l.row(j)[..=j]);
+            *l.at_mut(i, j) = product;
+        }
+    }
+}
+
+/// Takes the lower triangle back from the strict upper one and the `diagonal` that was kept.
+pub fn restore<T: Real>(p: &mut MatMut<'_, T>, diagonal: &[T]) {
+    for (i, &d) in diagonal.iter().enumerate().take(p.rows()) {
+        for j in 0..i {
+            *p.at_mut(i, j) = p.at(j, i);
+        }
+        *p.at_mut(i, i) = d;
+    }
+}
+
+/// Keeps the diagonal of P for [`restore`].
+pub fn keep_diagonal<T: Real>(p: Mat<'_, T>, diagonal: &mut [T]) {
+    for (i, d) in diagonal.iter_mut().enumerate().take(p.rows()) {
+        *d = p.at(i, i);
+    }
+}
+
+/// What makes a covariance unfit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Defect {
+    /// A number of this row is NaN or infinite.
+    NotFinite {
+        /// Row, from 0.
+        row: usize,
+    },
+    /// This row differs from its column by more than 1e-3 of √(P_ii P_jj).
+    Asymmetric {
+        /// Row, from 0.
+        row: usize,
+    },
+    /// Not square.
+    Shape,
+}
+
+/// Checks that a full matrix is finite and symmetric.
+pub fn check<T: Real>(p: Mat<'_, T>) -> Result<(), Defect> {
+    let n = p.rows();
+    if p.cols() != n {
+        return Err(Defect::Shape);
+    }
+    if let Some(row) = (0..n).find(|&i| !p.row(i).iter().all(|value| value.is_finite())) {
+        return Err(Defect::NotFinite { row });
+    }
+    let tolerance = T::from_f64(1e-3);
+    for i in 0..n {
+        for j in 0..i {
+            let difference = (p.at(i, j) - p.at(j, i)).abs();
+            if difference != T::ZERO && difference > tolerance * (p.at(i, i).abs() * p.at(j, j).abs()).sqrt() {
+                return Err(Defect::Asymmetric { row: i });
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Checks that every variance is positive and finite, as a quick sign that P is still a covariance.
+pub fn check_diagonal<T: Real>(p: Mat<'_, T>) -> Result<(), LinalgError> {
+    match (0..p.rows()).find(|&i| !(p.at(i, i) > T::ZERO && p.at(i, i).is_finite())) {
+        Some(pivot) => Err(LinalgError::NotPositiveDefinite { pivot }),
+        None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::spd;
+    use super::*;
+    use proptest::prelude::*;
+
+    /// The lower triangle with NaN above it: what reads the upper triangle shows.
+    fn lower(n: usize, a: &[f64]) -> Vec<f64> {
+        (0..n * n).map(|k| if k % n <= k / n { a[k] } else { f64::NAN }).collect()
+    }
+
+    fn assert_lower(n: usize, computed: &[f64], expected: &[f64]) {
+        for i in 0..n {
+            for j in 0..=i {
+                let scale = (expected[i * (n + 1)] * expected[j * (n + 1)]).abs().sqrt();
+                assert!((computed[i * n + j] - expected[i * n + j]).abs() <= 1e-12 * scale, "({i}, {j})");
+            }
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn shear_and_scale_are_congruences((n, a) in spd::matrix(2..8usize), factor in -3.0..3.0f64, pick in 0..64usize) {
+            let (to, from) = (pick % n, (pick / 8) % n);
+            let mut e: Vec<f64> = (0..n * n).map(|k| f64::from(u8::from(k / n == k % n))).collect();
+            let mut p = lower(n, &a);
+            let mut view = MatMut::square(&mut p, n).unwrap();
+            if to == from {
+                e[to * (n + 1)] = factor;
+                scale_state(&mut view, to, factor);
+            } else {
+                e[to * n + from] = factor;
+                shear(&mut view, to, from, factor);
+            }
+            let expected = spd::product(n, &spd::product(n, &e, &a), &spd::transposed(n, &e));
+            assert_lower(n, &p, &expected);
+        }
+
+        #[test]
+        fn square_undoes_cholesky((n, a) in spd::matrix(1..9usize)) {
+            let mut p = lower(n, &a);
+            let mut view = MatMut::square(&mut p, n).unwrap();
+            super::super::cholesky::factor(&mut view).unwrap();
+            square(&mut view);
+            assert_lower(n, &p, &a);
+        }
+
+        #[test]
+        fn rows_are_those_of_the_full_matrix((n, a) in spd::matrix(1..9usize), pick in 0..8usize) {
+            let p = lower(n, &a);
+            let p = Mat::square(&p, n).unwrap();
+            let (mut copied, mut added) = (vec![0.0; n], vec![0.0; n]);
+            let i = pick % n;
+            copy_row(p, i, &mut copied);
+            add_row(p, i, 1.0, &mut added);
+            for j in 0..n {
+                prop_assert_eq!(copied[j], if j <= i { a[i * n + j] } else { a[j * n + i] });
+                prop_assert_eq!(Some(added[j]), entry(p, i, j));
+            }
+        }
+
+        #[test]
+        fn gram_is_subtracted((n, a) in spd::matrix(1..9usize), w in proptest::collection::vec(-1.0..1.0f64, 54), m in 0..7usize) {
+            let mut p = lower(n, &a);
+            let w = Mat::new(&w, m, n, n).unwrap();
+            subtract_gram(&mut MatMut::square(&mut p, n).unwrap(), w);
+            for i in 0..n {
+                for j in 0..=i {
+                    let gram: f64 = (0..m).map(|k| w.at(k, i) * w.at(k, j)).sum();
+                    prop_assert!((p[i * n + j] - (a[i * n + j] - gram)).abs() < 1e-12 * (a[i * n + j].abs() + 10.0));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_spoilt_lower_triangle_comes_back() {
+        let good = [4.0, 1.0, 2.0, 1.0, 5.0, 3.0, 2.0, 3.0, 6.0];
+        let (mut p, mut diagonal) = (good, [0.0; 3]);
+        let mut view = MatMut::square(&mut p, 3).unwrap();
+        keep_diagonal(view.as_ref(), &mut diagonal);
+        super::super::cholesky::factor(&mut view).unwrap();
+        restore(&mut view, &diagonal);
+        assert_eq!(p, good);
+    }
+
+    #[test]
+    fn unfit_covariances_are_named() {
+        let unfit = |p: [f64; 4]| check(Mat::square(&p, 2).unwrap()).unwrap_err();
+        assert_eq!(unfit([1.0, 0.5, 0.4, 1.0]), Defect::Asymmetric { row: 1 });
+        assert_eq!(unfit([1.0, 0.5, f64::NAN, 1.0]), Defect::NotFinite { row: 1 });
+        assert_eq!(check(Mat::new(&[1.0; 2], 1, 2, 2).unwrap()), Err(Defect::Shape));
+        assert!(check(Mat::square(&[0.0; 4], 2).unwrap()).is_ok());
+        assert!(check_diagonal(Mat::square(&[0.0; 4], 2).unwrap()).is_err());
+    }
+}
