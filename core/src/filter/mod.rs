@@ -3,4 +3,6 @@
 pub mod common_term;
 pub mod gaussian;
 pub mod linearize;
+pub mod mixed_integer;
 pub mod screen;
+pub mod update;

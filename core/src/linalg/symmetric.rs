@@ -7,6 +7,8 @@
 //! Shapes: P is n × n. Every function reads and writes the lower triangle only. Panic contract: none; indices beyond the
 //! matrix are ignored.
 
+use core::fmt;
+
 use super::view::{Mat, MatMut};
 use super::{LinalgError, axpy, dot};
 use crate::real::Real;
@@ -130,6 +132,16 @@ pub enum Defect {
     },
     /// Not square.
     Shape,
+}
+
+impl fmt::Display for Defect {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NotFinite { row } => write!(f, "not finite in row {row}"),
+            Self::Asymmetric { row } => write!(f, "not symmetric in row {row}"),
+            Self::Shape => f.write_str("not square"),
+        }
+    }
 }
 
 /// Checks that a full matrix is finite and symmetric.

@@ -44,6 +44,11 @@ impl<'a, T: Copy> Mat<'a, T> {
         Ok(Self { data, rows, cols, ld })
     }
 
+    /// The matrix without entries.
+    pub const fn empty() -> Self {
+        Self { data: &[], rows: 0, cols: 0, ld: 0 }
+    }
+
     /// Views `data` as a packed n × n matrix.
     pub const fn square(data: &'a [T], n: usize) -> Result<Self, LinalgError> {
         Self::new(data, n, n, n)

