@@ -1,4 +1,4 @@
-//! Integer estimation and Kalman updates against golden vectors of independent implementations, each within the file's
+//! Integer estimation against golden vectors of independent implementations, each within the file's
 //! tolerance.
 
 use surefix::vectors::run_file;
@@ -34,9 +34,4 @@ fn bootstrapping() {
 #[test]
 fn success_rates() {
     passes("vectors/milrkf/success_rates.json");
-}
-
-#[test]
-fn kalman_updates() {
-    passes("vectors/milrkf/kf_update.json");
 }

@@ -2,7 +2,9 @@
 
 pub mod common_term;
 pub mod gaussian;
+pub mod jump;
 pub mod linearize;
 pub mod mixed_integer;
 pub mod screen;
+pub mod slip;
 pub mod update;

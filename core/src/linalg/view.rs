@@ -216,6 +216,16 @@ impl<'a, T: Copy> MatMut<'a, T> {
         self.data.get_mut(start..start + self.cols).unwrap_or(&mut [])
     }
 
+    /// The first K rows to write; `None` where there are fewer.
+    pub fn rows_mut<const K: usize>(&mut self) -> Option<[&mut [T]; K]> {
+        if K > self.rows {
+            return None;
+        }
+        let cols = self.cols;
+        let mut rows = self.data.chunks_mut(self.ld.max(1));
+        Some(core::array::from_fn(|_| rows.next().and_then(|row| row.get_mut(..cols)).unwrap_or(&mut [])))
+    }
+
     /// Exchanges rows `i` and `j`; nothing happens where one does not exist.
     pub fn swap_rows(&mut self, i: usize, j: usize) {
         let (row_i, row_j) = self.two_rows_mut(i, j);

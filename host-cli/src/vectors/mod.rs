@@ -18,10 +18,13 @@ pub mod data;
 pub mod inputs;
 pub mod integer;
 pub mod kalman;
+pub mod moments;
 pub mod orbits;
 pub mod report;
+pub mod rule;
 pub mod selection;
 pub mod single_point;
+pub mod slips;
 pub mod time;
 
 pub use data::DataFiles;
@@ -43,6 +46,8 @@ const FORMATS: &[Format] = &[
     Format { recognises: integer::bootstrapping::recognises, run: integer::bootstrapping::run },
     Format { recognises: integer::success_rates::recognises, run: integer::success_rates::run },
     Format { recognises: kalman::recognises, run: kalman::run },
+    Format { recognises: moments::recognises, run: moments::run },
+    Format { recognises: slips::recognises, run: slips::run },
 ];
 
 /// A vector file, read.

@@ -20,9 +20,17 @@
 //!
 //! Panic contract: none. Errors leave mean and covariance unchanged ([`update`]).
 
+mod joseph;
+mod sequential;
+mod stage;
+
 use core::fmt;
 
-use crate::linalg::symmetric::Defect;
+pub use stage::{Stage, VECTORS, Work};
+
+use crate::linalg::symmetric::{self, Defect};
+use crate::linalg::{LinalgError, Mat, MatMut, axpy, cholesky};
+use crate::real::Real;
 
 /// A form of the update, see the module.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -46,6 +54,20 @@ pub struct Gauge<T> {
     pub normalized_innovation_squared: T,
     /// ln det S.
     pub log_determinant: f64,
+}
+
+/// Measurement rows as few or as many coefficients.
+pub trait Rows<T> {
+    /// Calls `entry` with each state of `row` and its coefficient; a state may occur twice, the coefficients then add.
+    fn for_each(&self, row: usize, entry: &mut dyn FnMut(usize, T));
+}
+
+impl<T: Real> Rows<T> for Mat<'_, T> {
+    fn for_each(&self, row: usize, entry: &mut dyn FnMut(usize, T)) {
+        for (state, &coefficient) in self.row(row).iter().enumerate().filter(|(_, c)| **c != T::ZERO) {
+            entry(state, coefficient);
+        }
+    }
 }
 
 /// Why an update was refused.
@@ -94,3 +116,103 @@ impl fmt::Display for UpdateError {
 }
 
 impl core::error::Error for UpdateError {}
+
+impl From<LinalgError> for UpdateError {
+    fn from(error: LinalgError) -> Self {
+        match error {
+            LinalgError::Shape => Self::Shape,
+            LinalgError::NotPositiveDefinite { pivot } | LinalgError::Singular { pivot } => {
+                Self::IndefiniteNoise { row: pivot }
+            }
+            LinalgError::NotFinite => Self::NotFinite,
+        }
+    }
+}
+
+/// Length of the buffer that [`update`] needs for m rows and n states.
+pub const fn buffer_len(m: usize, n: usize) -> usize {
+    (m + VECTORS + 2) * n
+}
+
+/// Updates `mean` (n) and the full symmetric `p` (n × n) by m correlated measurements.
+///
+/// `rows` are J, `innovation` (m) is y − ŷ, `noise` (m × m) is R + Ω; both are spoilt. `buffer` is workspace of
+/// [`buffer_len`]. Everything is checked, at n³/6 multiply-adds; on an error `mean` and `p` are unchanged.
+pub fn update<T: Real>(
+    form: Form,
+    mean: &mut [T],
+    p: &mut MatMut<'_, T>,
+    rows: &impl Rows<T>,
+    innovation: &mut [T],
+    noise: &mut MatMut<'_, T>,
+    buffer: &mut [T],
+) -> Result<Gauge<T>, UpdateError> {
+    let (m, n) = (innovation.len(), mean.len());
+    if [p.rows(), p.cols()] != [n; 2] || [noise.rows(), noise.cols()] != [m; 2] || buffer.len() < buffer_len(m, n) {
+        return Err(UpdateError::Shape);
+    }
+    if m == 0 {
+        return Err(UpdateError::NoRows);
+    }
+    symmetric::check(p.as_ref()).map_err(UpdateError::Covariance)?;
+    symmetric::check(noise.as_ref()).map_err(UpdateError::Noise)?;
+    check_rows(rows, m, n)?;
+    if !(mean.iter().all(|m| m.is_finite()) && innovation.iter().all(|nu| nu.is_finite())) {
+        return Err(UpdateError::NotFinite);
+    }
+    let (row_buffer, rest) = buffer.split_at_mut(m * n);
+    let (vectors, rest) = rest.split_at_mut(VECTORS * n);
+    let (correction, rest) = rest.split_at_mut(n);
+    let diagonal = &mut rest[..n];
+    symmetric::keep_diagonal(p.as_ref(), diagonal);
+    let definite = cholesky::factor(p);
+    symmetric::restore(p, diagonal);
+    definite.map_err(not_positive_definite)?;
+
+    correction.fill(T::ZERO);
+    let work = Work { rows: MatMut::new(row_buffer, m, n, n)?, vectors: MatMut::new(vectors, VECTORS, n, n)? };
+    let outcome = Stage::begin(form, correction, p.reborrow(), work).and_then(|mut stage| {
+        stage.correlated(rows, 0, innovation, noise)?;
+        stage.finish()
+    });
+    match outcome {
+        Ok(_) => {
+            p.mirror_lower();
+            axpy(mean, T::ONE, correction);
+        }
+        Err(_) => symmetric::restore(p, diagonal),
+    }
+    outcome
+}
+
+/// Checks that every row has a coefficient, and only finite ones, of states below n.
+fn check_rows<T: Real>(rows: &impl Rows<T>, m: usize, n: usize) -> Result<(), UpdateError> {
+    for row in 0..m {
+        let (mut empty, mut finite, mut fits) = (true, true, true);
+        rows.for_each(row, &mut |state, coefficient| {
+            empty &= coefficient == T::ZERO;
+            finite &= coefficient.is_finite();
+            fits &= state < n;
+        });
+        match (fits, finite, empty) {
+            (false, ..) => return Err(UpdateError::Shape),
+            (_, false, _) => return Err(UpdateError::NotFinite),
+            (_, _, true) => return Err(UpdateError::EmptyRow { row }),
+            _ => (),
+        }
+    }
+    Ok(())
+}
+
+/// A failed factorisation of P, rather than of a noise.
+fn not_positive_definite(error: LinalgError) -> UpdateError {
+    match error {
+        LinalgError::NotPositiveDefinite { pivot } | LinalgError::Singular { pivot } => {
+            UpdateError::NotPositiveDefinite { state: pivot }
+        }
+        other => other.into(),
+    }
+}
+
+#[cfg(test)]
+mod tests;

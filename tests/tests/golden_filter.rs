@@ -1,0 +1,26 @@
+//! Linearisation, updates, slip detection and the mixed-integer filter against golden vectors of independent arithmetic
+//! of 50 to 60 digits, each within the file's tolerance.
+
+use surefix::vectors::run_file;
+
+/// Runs a vector file, or skips where the reference data is absent.
+fn passes(file: &str) {
+    let Some(path) = surefix_tests::shared(file) else { return };
+    let report = run_file(&path, None).unwrap();
+    assert!(report.passed(), "{file}:\n{report}");
+}
+
+#[test]
+fn linearisation() {
+    passes("vectors/milrkf/pl_moments.json");
+}
+
+#[test]
+fn kalman_updates() {
+    passes("vectors/milrkf/kf_update.json");
+}
+
+#[test]
+fn cycle_slips() {
+    passes("vectors/milrkf/cycle_slip.json");
+}
