@@ -24,3 +24,17 @@ fn kalman_updates() {
 fn cycle_slips() {
     passes("vectors/milrkf/cycle_slip.json");
 }
+
+/// Section V: 13 satellites with a prior of 10 m.
+#[test]
+fn mixed_integer_filter() {
+    passes("vectors/milrkf/alg1_A_N13_ckf_b0.05h.json");
+}
+
+/// 8 satellites with a prior of 10 km, by each rule.
+#[test]
+fn mixed_integer_filter_with_a_wide_prior() {
+    for rule in ["ekf", "ckf", "ut_1_2_1", "gh3"] {
+        passes(&format!("vectors/milrkf/alg1_C_N8_{rule}_wideprior.json"));
+    }
+}

@@ -61,7 +61,7 @@ pub fn project_weighted<T: Real>(
 
 /// Whether an estimate exceeds the threshold, strictly (32).
 pub fn jumped(estimate: f64, threshold: f64) -> bool {
-    estimate.abs() > threshold
+    libm::fabs(estimate) > threshold
 }
 
 /// The standard deviation for an ambiguity's step (33c).
@@ -77,7 +77,7 @@ pub fn false_alarm_rate(threshold: f64, sigma: f64) -> f64 {
 /// Probability that a jump of `slip` cycles is flagged, Q((d − |s|)/σ); the far side, below 1e-4 for |s| ≥ 1 and d ≥ 2 σ,
 /// is left out.
 pub fn detection_rate(threshold: f64, slip: f64, sigma: f64) -> f64 {
-    normal::survival((threshold - slip.abs()) / sigma)
+    normal::survival((threshold - libm::fabs(slip)) / sigma)
 }
 
 /// Estimates of a common jump differ from their mean by at most this `[cycles]`: three times the part that the references
@@ -88,16 +88,17 @@ const AGREEMENT: f64 = 0.75;
 ///
 /// It needs at least three, all of one size within [`AGREEMENT`], a mean nearer to another integer than to 0, and a third
 /// of them beyond `threshold`: without the last a common error of the prediction would pass for it.
-pub fn common_jump(estimates: &[f64], threshold: f64) -> Option<i64> {
+pub fn common_jump<T: Real>(estimates: &[T], threshold: f64) -> Option<i64> {
     let n = estimates.len();
     if n < 3 {
         return None;
     }
-    let mean = estimates.iter().sum::<f64>() / n as f64;
-    let flagged = estimates.iter().filter(|estimate| jumped(**estimate, threshold)).count();
-    let agree = estimates.iter().all(|estimate| (estimate - mean).abs() <= AGREEMENT);
+    let estimates = || estimates.iter().map(|estimate| estimate.to_f64());
+    let mean = estimates().sum::<f64>() / n as f64;
+    let flagged = estimates().filter(|estimate| jumped(*estimate, threshold)).count();
+    let agree = estimates().all(|estimate| libm::fabs(estimate - mean) <= AGREEMENT);
     let jump = libm::round(mean);
-    let found = agree && 3 * flagged >= n && jump != 0.0 && jump.abs() < 1e15;
+    let found = agree && 3 * flagged >= n && jump != 0.0 && libm::fabs(jump) < 1e15;
     found.then_some(jump as i64)
 }
 

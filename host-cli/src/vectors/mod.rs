@@ -18,6 +18,7 @@ pub mod data;
 pub mod inputs;
 pub mod integer;
 pub mod kalman;
+pub mod mixed_integer;
 pub mod moments;
 pub mod orbits;
 pub mod report;
@@ -47,6 +48,7 @@ const FORMATS: &[Format] = &[
     Format { recognises: integer::success_rates::recognises, run: integer::success_rates::run },
     Format { recognises: kalman::recognises, run: kalman::run },
     Format { recognises: moments::recognises, run: moments::run },
+    Format { recognises: mixed_integer::recognises, run: mixed_integer::run },
     Format { recognises: slips::recognises, run: slips::run },
 ];
 

@@ -27,7 +27,7 @@ pub fn recognises(root: &Value) -> bool {
 /// Runs all its parts.
 pub fn run(source: &Source, report: &mut Report) {
     let root = Inputs(&source.root);
-    let mut note = |part: &str, outcome: Result<(), CaseError>, report: &mut Report| {
+    let note = |part: &str, outcome: Result<(), CaseError>, report: &mut Report| {
         if let Err(error) = outcome {
             report.unreadable(part, error);
         }

@@ -5,6 +5,7 @@ use core::fmt;
 use super::super::linearize::LinearizeError;
 use super::super::update::UpdateError;
 use crate::integer::IntegerError;
+use crate::linalg::LinalgError;
 use crate::linalg::symmetric::Defect;
 
 /// Why an epoch or an initial density was refused. The filter is then as it was before.
@@ -64,6 +65,17 @@ impl fmt::Display for FilterError {
 }
 
 impl core::error::Error for FilterError {}
+
+impl From<LinalgError> for FilterError {
+    fn from(error: LinalgError) -> Self {
+        match error {
+            LinalgError::Shape => Self::Shape,
+            LinalgError::NotPositiveDefinite { pivot } => Self::NotPositiveDefinite { state: pivot },
+            LinalgError::Singular { pivot } => Self::Undetermined { index: pivot },
+            LinalgError::NotFinite => Self::NotFinite,
+        }
+    }
+}
 
 impl From<LinearizeError> for FilterError {
     fn from(error: LinearizeError) -> Self {

@@ -28,17 +28,27 @@
 //! Memory: N² + X² + C (N + C + 2 A) + A² + O(N) scalars and the integer workspace; see [`SectionV`]. Stack: below 3 KB.
 //! Panic contract: none.
 
+mod density;
+mod epoch;
 mod error;
 mod options;
+mod rows;
+mod scratch;
+#[cfg(test)]
+mod tests;
 
 pub use error::FilterError;
 pub use options::{Detector, Fixing, Options, Output};
 
+use super::linearize::MAX_INPUTS;
 use super::update::Gauge;
 use crate::integer::{Method, Workspace};
-use crate::linalg::Mat;
-use crate::model::partially_linear::PartiallyLinear;
+use crate::linalg::{Mat, cholesky, symmetric};
+use crate::model::partially_linear::{PartiallyLinear, Shape};
 use crate::real::Real;
+use density::Density;
+use epoch::Epoch;
+use scratch::Scratch;
 
 /// Ambiguities of this size or more are refused `[cycles]`: 2e8 m, ten times the distance to a satellite.
 pub const MAX_AMBIGUITY: f64 = 1e9;
@@ -75,25 +85,6 @@ pub struct Outcome<T> {
     pub gated: bool,
 }
 
-/// N(m, P) with the last good P in the strict upper triangle and `diagonal`.
-#[derive(Debug)]
-struct Density<T, const N: usize> {
-    mean: [f64; N],
-    covariance: [[T; N]; N],
-    /// Of the last good covariance.
-    diagonal: [T; N],
-    /// Correction of the mean in this epoch, and the last good mean.
-    correction: [T; N],
-    last: [f64; N],
-}
-
-impl<T: Real, const N: usize> Density<T, N> {
-    const fn new() -> Self {
-        let zero = [T::ZERO; N];
-        Self { mean: [0.0; N], covariance: [zero; N], diagonal: zero, correction: zero, last: [0.0; N] }
-    }
-}
-
 /// The filter. N joint states, X real states, A ambiguities, C correlated rows at most, N ≥ X + A. Suits a `static`.
 #[derive(Debug)]
 pub struct MixedIntegerFilter<T, const N: usize, const X: usize, const A: usize, const C: usize> {
@@ -105,6 +96,7 @@ pub struct MixedIntegerFilter<T, const N: usize, const X: usize, const A: usize,
     integers: [i64; A],
     slip_estimates: [f64; A],
     slips: [bool; A],
+    scratch: Scratch<T, N, A, C>,
     workspace: Workspace<T, A>,
 }
 
@@ -123,6 +115,7 @@ impl<T: Real, const N: usize, const X: usize, const A: usize, const C: usize> Mi
             integers: [0; A],
             slip_estimates: [0.0; A],
             slips: [false; A],
+            scratch: Scratch::new(),
             workspace: Workspace::new(),
         }
     }
@@ -138,22 +131,141 @@ impl<T: Real, const N: usize, const X: usize, const A: usize, const C: usize> Mi
     }
 
     /// Starts anew from `mean` = (x, n), of which the first `real` are x, and its covariance. The constrained density is
-    /// the marginal of x.
+    /// the marginal of x. On an error the filter is as it was before.
     pub fn reset(&mut self, real: usize, mean: &[f64], covariance: Mat<'_, T>) -> Result<(), FilterError> {
-        let _ = (real, mean, covariance);
-        Err(FilterError::Shape)
+        let n = mean.len();
+        let ambiguities = self.check_mean(real, mean)?;
+        if covariance.rows() != n {
+            return Err(FilterError::Shape);
+        }
+        symmetric::check(covariance).map_err(FilterError::Covariance)?;
+        // The trial factorisation takes the place of the old covariance, which comes back if it fails.
+        self.relaxed.cut(self.real + self.ambiguities)?.begin();
+        let mut trial = self.relaxed.cut(n)?.p;
+        for i in 0..n {
+            trial.row_mut(i)[..=i].copy_from_slice(&covariance.row(i)[..=i]);
+        }
+        if let Err(error) = cholesky::factor(&mut trial) {
+            self.relaxed.cut(self.real + self.ambiguities)?.roll_back();
+            return Err(error.into());
+        }
+        self.set(real, ambiguities, mean, |i, j| covariance.at(i, j))
     }
 
     /// As [`Self::reset`] with independent states of the given variances.
     pub fn reset_independent(&mut self, real: usize, mean: &[f64], variances: &[f64]) -> Result<(), FilterError> {
-        let _ = (real, mean, variances);
-        Err(FilterError::Shape)
+        let ambiguities = self.check_mean(real, mean)?;
+        if variances.len() != mean.len() {
+            return Err(FilterError::Shape);
+        }
+        let fits = |&variance: &f64| T::from_f64(variance).is_finite() && T::from_f64(variance) > T::ZERO;
+        if let Some(state) = variances.iter().position(|variance| !fits(variance)) {
+            return Err(FilterError::NotPositiveDefinite { state });
+        }
+        self.set(real, ambiguities, mean, |i, j| if i == j { T::from_f64(variances[i]) } else { T::ZERO })
+    }
+
+    /// Checks an initial mean; returns the number of ambiguities in it.
+    fn check_mean(&self, real: usize, mean: &[f64]) -> Result<usize, FilterError> {
+        let ambiguities = mean.len().checked_sub(real).ok_or(FilterError::Shape)?;
+        if mean.is_empty() {
+            return Err(FilterError::Shape);
+        }
+        if real > X || ambiguities > A || mean.len() > N {
+            return Err(FilterError::Capacity);
+        }
+        if !mean.iter().all(|mean| mean.is_finite()) {
+            return Err(FilterError::NotFinite);
+        }
+        match mean[real..].iter().position(|n| libm::fabs(*n) >= MAX_AMBIGUITY) {
+            Some(index) => Err(FilterError::Ambiguity { index }),
+            None => Ok(ambiguities),
+        }
+    }
+
+    /// Sets both densities.
+    fn set(
+        &mut self,
+        real: usize,
+        ambiguities: usize,
+        mean: &[f64],
+        covariance: impl Fn(usize, usize) -> T,
+    ) -> Result<(), FilterError> {
+        for (mut density, n) in
+            [(self.relaxed.cut(real + ambiguities)?, real + ambiguities), (self.constrained.cut(real)?, real)]
+        {
+            density.mean.copy_from_slice(&mean[..n]);
+            for i in 0..n {
+                for (j, entry) in density.p.row_mut(i)[..=i].iter_mut().enumerate() {
+                    *entry = covariance(i, j);
+                }
+            }
+            density.commit();
+        }
+        (self.real, self.ambiguities) = (real, ambiguities);
+        self.integers = [0; A];
+        self.slip_estimates = [0.0; A];
+        self.slips = [false; A];
+        Ok(())
     }
 
     /// One epoch: the measurements `y`, in the order of the model's rows. On an error the filter is as it was before.
     pub fn step(&mut self, model: &impl PartiallyLinear, y: &[f64]) -> Result<Outcome<T>, FilterError> {
-        let _ = (model, y);
-        Err(FilterError::Shape)
+        let shape = self.check(model, y)?;
+        let mut epoch = Epoch {
+            options: self.options,
+            model,
+            shape,
+            y,
+            relaxed: self.relaxed.cut(shape.states())?,
+            constrained: self.constrained.cut(shape.real)?,
+            bench: self.scratch.bench(model.inputs(), shape.ambiguities, shape.correlated)?,
+        };
+        epoch.relaxed.begin();
+        epoch.constrained.begin();
+        match epoch.run(&mut self.workspace) {
+            Ok(outcome) => {
+                epoch.relaxed.commit();
+                epoch.constrained.commit();
+                self.integers[..shape.ambiguities].copy_from_slice(epoch.bench.integers);
+                self.slips[..shape.ambiguities].copy_from_slice(epoch.bench.flags);
+                for (to, from) in self.slip_estimates.iter_mut().zip(&*epoch.bench.estimate) {
+                    *to = from.to_f64();
+                }
+                Ok(outcome)
+            }
+            Err(error) => {
+                epoch.relaxed.roll_back();
+                epoch.constrained.roll_back();
+                Err(error)
+            }
+        }
+    }
+
+    /// Whether a model and its measurements fit this filter, and the model itself.
+    fn check(&self, model: &impl PartiallyLinear, y: &[f64]) -> Result<Shape, FilterError> {
+        let (shape, u) = (model.shape(), model.nonlinear());
+        if shape.rows() == 0 {
+            return Err(FilterError::NoRows);
+        }
+        if shape.correlated > C || model.inputs() > MAX_INPUTS {
+            return Err(FilterError::Capacity);
+        }
+        let fits = (shape.real, shape.ambiguities) == (self.real, self.ambiguities)
+            && y.len() == shape.rows()
+            && model.outputs() == shape.correlated
+            && shape.unambiguous <= shape.correlated
+            && u.len() == model.inputs()
+            && u.end <= shape.real;
+        if !fits {
+            return Err(FilterError::Shape);
+        }
+        let Options { threshold, sigma_jump, sigma_stay, gate, .. } = self.options;
+        if ![threshold, sigma_jump, sigma_stay, gate].iter().chain(y).all(|value| value.is_finite()) {
+            return Err(FilterError::NotFinite);
+        }
+        rows::check(model, &shape)?;
+        Ok(shape)
     }
 
     /// m, the number of real states.
@@ -173,7 +285,8 @@ impl<T: Real, const N: usize, const X: usize, const A: usize, const C: usize> Mi
 
     /// Covariance of the relaxed density.
     pub fn covariance(&self) -> Mat<'_, T> {
-        Mat::empty()
+        let n = self.real + self.ambiguities;
+        Mat::new(self.relaxed.covariance.as_flattened(), n, n, N).unwrap_or(Mat::empty())
     }
 
     /// Mean of the constrained density x.
@@ -183,7 +296,7 @@ impl<T: Real, const N: usize, const X: usize, const A: usize, const C: usize> Mi
 
     /// Covariance of the constrained density.
     pub fn constrained_covariance(&self) -> Mat<'_, T> {
-        Mat::empty()
+        Mat::new(self.constrained.covariance.as_flattened(), self.real, self.real, X).unwrap_or(Mat::empty())
     }
 
     /// Integers nᴵ of the last epoch `[cycles]`.

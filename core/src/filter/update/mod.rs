@@ -26,6 +26,7 @@ mod stage;
 
 use core::fmt;
 
+pub(crate) use sequential::{project, remove};
 pub use stage::{Stage, VECTORS, Work};
 
 use crate::linalg::symmetric::{self, Defect};
@@ -54,6 +55,15 @@ pub struct Gauge<T> {
     pub normalized_innovation_squared: T,
     /// ln det S.
     pub log_determinant: f64,
+}
+
+impl<T: Real> Gauge<T> {
+    /// Joins that of further rows, given those before.
+    pub fn add(&mut self, other: Self) {
+        self.rows += other.rows;
+        self.normalized_innovation_squared += other.normalized_innovation_squared;
+        self.log_determinant += other.log_determinant;
+    }
 }
 
 /// Measurement rows as few or as many coefficients.

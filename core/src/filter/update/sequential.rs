@@ -58,7 +58,7 @@ pub(super) fn correlated<T: Real>(
 }
 
 /// `v` ← J P, and `s` += J P Jᵀ in its lower triangle, for the rows from `first` on.
-pub(super) fn project<T: Real>(
+pub(crate) fn project<T: Real>(
     p: Mat<'_, T>,
     rows: &impl Rows<T>,
     first: usize,
@@ -83,7 +83,7 @@ pub(super) fn project<T: Real>(
 }
 
 /// Takes off the innovations what the correction so far explains.
-fn remove<T: Real>(correction: &[T], rows: &impl Rows<T>, first: usize, innovation: &mut [T]) {
+pub(crate) fn remove<T: Real>(correction: &[T], rows: &impl Rows<T>, first: usize, innovation: &mut [T]) {
     for (i, innovation) in innovation.iter_mut().enumerate() {
         *innovation -= product(rows, first + i, correction);
     }

@@ -1,0 +1,99 @@
+//! One of the two densities: its mean, its covariance, and how to go back to the last good one.
+
+use crate::linalg::{LinalgError, MatMut, symmetric};
+use crate::model::partially_linear::{Elementary, PartiallyLinear};
+use crate::real::Real;
+
+use super::FilterError;
+
+/// N(m, P). Between epochs P is full and symmetric. Within an epoch its lower triangle is worked on, and the strict upper
+/// one with `diagonal` and `last` are the last good density.
+#[derive(Debug)]
+pub(super) struct Density<T, const N: usize> {
+    pub mean: [f64; N],
+    pub covariance: [[T; N]; N],
+    last: [f64; N],
+    diagonal: [T; N],
+    correction: [T; N],
+}
+
+/// A density cut to its dimension; code on it is compiled once for every N.
+pub(super) struct Cut<'a, T> {
+    pub mean: &'a mut [f64],
+    pub p: MatMut<'a, T>,
+    /// What the updates of this epoch add to the mean.
+    pub correction: &'a mut [T],
+    last: &'a mut [f64],
+    diagonal: &'a mut [T],
+}
+
+impl<T: Real, const N: usize> Density<T, N> {
+    pub const fn new() -> Self {
+        let zero = [T::ZERO; N];
+        Self { mean: [0.0; N], covariance: [zero; N], last: [0.0; N], diagonal: zero, correction: zero }
+    }
+
+    /// The first n states.
+    pub fn cut(&mut self, n: usize) -> Result<Cut<'_, T>, LinalgError> {
+        if n > N {
+            return Err(LinalgError::Shape);
+        }
+        Ok(Cut {
+            mean: &mut self.mean[..n],
+            p: MatMut::new(self.covariance.as_flattened_mut(), n, n, N)?,
+            correction: &mut self.correction[..n],
+            last: &mut self.last[..n],
+            diagonal: &mut self.diagonal[..n],
+        })
+    }
+}
+
+impl<T: Real> Cut<'_, T> {
+    /// Starts an epoch: from here on [`Self::roll_back`] returns to this density.
+    pub fn begin(&mut self) {
+        self.last.copy_from_slice(self.mean);
+        symmetric::keep_diagonal(self.p.as_ref(), self.diagonal);
+        self.correction.fill(T::ZERO);
+    }
+
+    /// Back to where the epoch began.
+    pub fn roll_back(&mut self) {
+        self.mean.copy_from_slice(self.last);
+        symmetric::restore(&mut self.p, self.diagonal);
+    }
+
+    /// Ends an epoch.
+    pub fn commit(&mut self) {
+        self.p.mirror_lower();
+    }
+
+    /// m ← F m, P ← F P Fᵀ + W. Only the first `real` states may move.
+    pub fn predict(&mut self, model: &(impl PartiallyLinear + ?Sized), real: usize) -> Result<(), FilterError> {
+        let mut fits = true;
+        model.transition(&mut |step| match step {
+            Elementary::Shear { to, from, factor } if to < real && from < real && to != from => {
+                self.mean[to] += factor * self.mean[from];
+                symmetric::shear(&mut self.p, to, from, T::from_f64(factor));
+            }
+            Elementary::Scale { state, factor } if state < real => {
+                self.mean[state] *= factor;
+                symmetric::scale_state(&mut self.p, state, T::from_f64(factor));
+            }
+            _ => fits = false,
+        });
+        model.process_noise(&mut |i, j, value| {
+            fits &= i < real && j <= i;
+            if i < real && j <= i {
+                *self.p.at_mut(i, j) += T::from_f64(value);
+            }
+        });
+        if fits { Ok(()) } else { Err(FilterError::Shape) }
+    }
+
+    /// Adds the correction to the mean.
+    pub fn correct(&mut self) {
+        for (mean, correction) in self.mean.iter_mut().zip(&*self.correction) {
+            *mean += correction.to_f64();
+        }
+    }
+}
