@@ -38,3 +38,8 @@ fn mixed_integer_filter_with_a_wide_prior() {
         passes(&format!("vectors/milrkf/alg1_C_N8_{rule}_wideprior.json"));
     }
 }
+
+#[test]
+fn recursive_mixed_integer_least_squares() {
+    passes("vectors/milrkf/rmils.json");
+}

@@ -60,6 +60,13 @@ pub(crate) fn tail_mut<T>(x: &mut [T], start: usize) -> &mut [T] {
     x.get_mut(start..).unwrap_or(&mut [])
 }
 
+/// to ← from, as far as both go.
+pub(crate) fn copy<T: Copy>(to: &mut [T], from: &[T]) {
+    for (to, &from) in to.iter_mut().zip(from) {
+        *to = from;
+    }
+}
+
 /// Entry `i` of `x`.
 pub(crate) fn at<T>(x: &[T], i: usize) -> Result<&T, LinalgError> {
     x.get(i).ok_or(LinalgError::Shape)

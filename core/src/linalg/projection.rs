@@ -7,7 +7,7 @@
 //! A is m × n with m ≥ n. Cost 2 m n² multiply-adds. Panic contract: none.
 
 use super::view::{Mat, MatMut};
-use super::{LinalgError, triangular};
+use super::{LinalgError, axpy, triangular};
 use crate::real::Real;
 
 /// Replaces `a` (m × n) by Q and the *lower* triangle of `r` (n × n) by Rᵀ.
@@ -19,35 +19,55 @@ pub fn orthogonalize<T: Real>(a: &mut MatMut<'_, T>, r: &mut MatMut<'_, T>) -> R
         return Err(LinalgError::Shape);
     }
     for j in 0..n {
-        let norm = |a: &MatMut<'_, T>| (0..m).fold(T::ZERO, |sum, i| sum + a.at(i, j) * a.at(i, j)).sqrt();
-        let before = norm(a);
+        let before = column_product(a, j, j).sqrt();
         for k in 0..j {
-            *r.at_mut(j, k) = T::ZERO;
+            r.set(j, k, T::ZERO);
         }
         for _ in 0..2 {
             for k in 0..j {
-                let product = (0..m).fold(T::ZERO, |sum, i| sum + a.at(i, k) * a.at(i, j));
+                let product = column_product(a, j, k);
                 if product != T::ZERO {
-                    *r.at_mut(j, k) += product;
-                    for i in 0..m {
-                        let term = product * a.at(i, k);
-                        *a.at_mut(i, j) -= term;
+                    r.add(j, k, product);
+                    for row in a.iter_mut() {
+                        if let Ok([entry, unit]) = row.get_disjoint_mut([j, k]) {
+                            *entry -= product * *unit;
+                        }
                     }
                 }
             }
         }
-        let after = norm(a);
+        let after = column_product(a, j, j).sqrt();
         let negligible = T::EPSILON * T::from_f64(16.0) * before;
         if !(after > negligible && after.is_finite()) {
             return Err(LinalgError::Singular { pivot: j });
         }
-        *r.at_mut(j, j) = after;
-        for i in 0..m {
-            let unit = a.at(i, j) / after;
-            *a.at_mut(i, j) = unit;
+        r.set(j, j, after);
+        for entry in a.iter_mut().filter_map(|row| row.get_mut(j)) {
+            *entry /= after;
         }
     }
     Ok(())
+}
+
+/// The scalar product of columns j and k.
+fn column_product<T: Real>(a: &MatMut<'_, T>, j: usize, k: usize) -> T {
+    a.iter().fold(T::ZERO, |sum, row| match (row.get(j), row.get(k)) {
+        (Some(&j), Some(&k)) => sum + j * k,
+        _ => sum,
+    })
+}
+
+/// B ← (I − Q Qᵀ) B for B (m × k) and Q (m × n). `coefficients` (k) is workspace.
+pub fn remove<T: Real>(b: &mut MatMut<'_, T>, q: Mat<'_, T>, coefficients: &mut [T]) {
+    for j in 0..q.cols() {
+        coefficients.fill(T::ZERO);
+        for (row, q) in b.iter().zip(q.iter()) {
+            axpy(coefficients, q.get(j).copied().unwrap_or_default(), row);
+        }
+        for (row, q) in b.iter_mut().zip(q.iter()) {
+            axpy(row, -q.get(j).copied().unwrap_or_default(), coefficients);
+        }
+    }
 }
 
 /// x ← R⁻¹ Qᵀ b for Q (m × n) and the transpose of R from [`orthogonalize`].
@@ -56,8 +76,8 @@ pub fn solve<T: Real>(q: Mat<'_, T>, r: Mat<'_, T>, b: &[T], x: &mut [T]) -> Res
         return Err(LinalgError::Shape);
     }
     x.fill(T::ZERO);
-    for (i, &b) in b.iter().enumerate() {
-        super::axpy(x, b, q.row(i));
+    for (&b, q) in b.iter().zip(q.iter()) {
+        axpy(x, b, q);
     }
     triangular::back_transposed(r, x)
 }

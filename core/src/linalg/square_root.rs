@@ -15,7 +15,7 @@
 //! Panic contract: none.
 
 use super::view::MatMut;
-use super::{LinalgError, axpy};
+use super::{LinalgError, axpy, head_mut};
 use crate::real::Real;
 
 /// Updates the lower triangle of `l` by a measurement with row `h` and noise `variance` ≥ 0; returns s. `gain` returns
@@ -37,29 +37,28 @@ pub fn update<T: Real>(
     }
     gain.fill(T::ZERO);
     for (i, &h) in h.iter().enumerate().filter(|(_, h)| **h != T::ZERO) {
-        axpy(&mut gain[..=i], h, &l.row(i)[..=i]);
+        axpy(head_mut(gain, i + 1), h, l.row(i));
     }
     // Rotations from f, last column first; `length` grows from √r to √s.
     let mut square = variance;
     let mut length = variance.sqrt();
-    for j in (0..n).rev() {
-        let f = gain[j];
+    for ((&f, cosine), sine) in gain.iter().zip(&mut *cosines).zip(&mut *sines).rev() {
         square += f * f;
         let longer = square.sqrt();
-        (cosines[j], sines[j]) = if longer > T::ZERO { (length / longer, f / longer) } else { (T::ONE, T::ZERO) };
+        (*cosine, *sine) = if longer > T::ZERO { (length / longer, f / longer) } else { (T::ONE, T::ZERO) };
         length = longer;
     }
     if !(square > T::ZERO && square.is_finite() && variance >= T::ZERO) {
         return Err(LinalgError::NotFinite);
     }
-    for i in 0..n {
+    for ((i, row), gain) in l.iter_mut().enumerate().zip(gain) {
         let mut carried = T::ZERO;
-        for ((l, &c), &s) in l.row_mut(i)[..=i].iter_mut().zip(&*cosines).zip(&*sines).rev() {
+        for ((l, &c), &s) in head_mut(row, i + 1).iter_mut().zip(&*cosines).zip(&*sines).rev() {
             let rotated = c * *l - s * carried;
             carried = c * carried + s * *l;
             *l = rotated;
         }
-        gain[i] = carried;
+        *gain = carried;
     }
     Ok(square)
 }

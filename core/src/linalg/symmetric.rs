@@ -10,36 +10,30 @@
 use core::fmt;
 
 use super::view::{Mat, MatMut};
-use super::{LinalgError, axpy, dot};
+use super::{LinalgError, axpy, dot, head, head_mut, tail_mut};
 use crate::real::Real;
 
 /// out ← out + s · (row i of P).
 pub fn add_row<T: Real>(p: Mat<'_, T>, i: usize, s: T, out: &mut [T]) {
-    let n = p.rows().min(out.len());
-    if i >= n {
-        return;
-    }
-    axpy(&mut out[..=i], s, p.row(i));
-    for (j, out) in out[..n].iter_mut().enumerate().skip(i + 1) {
-        *out += s * p.at(j, i);
+    axpy(head_mut(out, i + 1), s, p.row(i));
+    for (out, &p) in tail_mut(out, i + 1).iter_mut().zip(p.column_below(i)) {
+        *out += s * p;
     }
 }
 
 /// out ← row i of P.
 pub fn copy_row<T: Real>(p: Mat<'_, T>, i: usize, out: &mut [T]) {
-    let n = p.rows().min(out.len());
-    if i >= n {
-        return;
+    for (out, &p) in head_mut(out, i + 1).iter_mut().zip(p.row(i)) {
+        *out = p;
     }
-    out[..=i].copy_from_slice(&p.row(i)[..=i]);
-    for (j, out) in out[..n].iter_mut().enumerate().skip(i + 1) {
-        *out = p.at(j, i);
+    for (out, &p) in tail_mut(out, i + 1).iter_mut().zip(p.column_below(i)) {
+        *out = p;
     }
 }
 
-/// P_ij for any i and j.
-pub fn entry<T: Real>(p: Mat<'_, T>, i: usize, j: usize) -> Option<T> {
-    p.get(i.max(j), i.min(j))
+/// P_ij for any i and j, 0 where there is none.
+fn entry<T: Real>(p: &MatMut<'_, T>, i: usize, j: usize) -> T {
+    p.at(i.max(j), i.min(j))
 }
 
 /// P ← E P Eᵀ with E = I + `factor` · e_to e_fromᵀ: the covariance after x_to ← x_to + factor · x_from. Cost n.
@@ -48,71 +42,90 @@ pub fn shear<T: Real>(p: &mut MatMut<'_, T>, to: usize, from: usize, factor: T) 
     if to >= n || from >= n || to == from {
         return;
     }
-    let (cross, variance) = (p.at(to.max(from), to.min(from)), p.at(from, from));
-    for k in 0..n {
-        if k != to {
-            let term = factor * p.at(from.max(k), from.min(k));
-            *p.at_mut(to.max(k), to.min(k)) += term;
-        }
+    let (cross, variance) = (entry(p, to, from), entry(p, from, from));
+    for k in (0..n).filter(|&k| k != to) {
+        let term = factor * entry(p, from, k);
+        p.add(to.max(k), to.min(k), term);
     }
-    *p.at_mut(to, to) += factor * (cross + cross + factor * variance);
+    p.add(to, to, factor * (cross + cross + factor * variance));
 }
 
 /// The covariance after x_state ← factor · x_state.
 pub fn scale_state<T: Real>(p: &mut MatMut<'_, T>, state: usize, factor: T) {
     for k in 0..p.rows() {
-        if state < p.rows() {
-            *p.at_mut(state.max(k), state.min(k)) *= factor;
-        }
-    }
-    if state < p.rows() {
-        *p.at_mut(state, state) *= factor;
+        let scaled = entry(p, state, k) * if k == state { factor * factor } else { factor };
+        p.set(state.max(k), state.min(k), scaled);
     }
 }
 
 /// P ← P − Wᵀ W for W (m × n), four rows of W at a time, in the order of the rows.
 pub fn subtract_gram<T: Real>(p: &mut MatMut<'_, T>, w: Mat<'_, T>) {
-    let m = w.rows();
-    let in_fours = m - m % 4;
-    for i in 0..p.rows().min(w.cols()) {
-        let row = &mut p.row_mut(i)[..=i];
-        for k in (0..in_fours).step_by(4) {
-            let rows = [w.row(k), w.row(k + 1), w.row(k + 2), w.row(k + 3)];
-            let [w0, w1, w2, w3] = rows.map(|row| &row[..=i]);
-            let [a0, a1, a2, a3] = rows.map(|row| row[i]);
-            for ((((p, &w0), &w1), &w2), &w3) in row.iter_mut().zip(w0).zip(w1).zip(w2).zip(w3) {
-                *p = *p - a0 * w0 - a1 * w1 - a2 * w2 - a3 * w3;
-            }
+    let mut k = 0;
+    while k + 4 <= w.rows() {
+        let rows = [w.row(k), w.row(k + 1), w.row(k + 2), w.row(k + 3)];
+        for (i, row) in p.iter_mut().enumerate() {
+            subtract_four(head_mut(row, i + 1), rows, i);
         }
-        for k in in_fours..m {
-            axpy(row, -w.row(k)[i], &w.row(k)[..=i]);
+        k += 4;
+    }
+    for w in w.iter().skip(k) {
+        for ((i, row), &w_i) in p.iter_mut().enumerate().zip(w) {
+            axpy(head_mut(row, i + 1), -w_i, w);
         }
+    }
+}
+
+/// Subtracts four outer products from row i up to the diagonal.
+fn subtract_four<T: Real>(row: &mut [T], w: [&[T]; 4], i: usize) {
+    let [w0, w1, w2, w3] = w;
+    let (Some(&a0), Some(&a1), Some(&a2), Some(&a3)) = (w0.get(i), w1.get(i), w2.get(i), w3.get(i)) else { return };
+    for ((((p, &w0), &w1), &w2), &w3) in row.iter_mut().zip(w0).zip(w1).zip(w2).zip(w3) {
+        *p = *p - a0 * w0 - a1 * w1 - a2 * w2 - a3 * w3;
     }
 }
 
 /// L ← L Lᵀ for the lower triangle of L, in place.
 pub fn square<T: Real>(l: &mut MatMut<'_, T>) {
     for i in (0..l.rows().min(l.cols())).rev() {
-        for j in (0..=i).rev() {
-            let product = dot(&l.row(i)[..=j], &l.row(j)[..=j]);
-            *l.at_mut(i, j) = product;
+        let (above, row) = l.split_row(i);
+        let row = head_mut(row, i + 1);
+        // From the diagonal back, so that what is still needed of the row is still there.
+        let diagonal = dot(row, row);
+        for j in (0..i).rev() {
+            let product = dot(head(row, j + 1), above.row(j));
+            if let Some(entry) = row.get_mut(j) {
+                *entry = product;
+            }
+        }
+        if let Some(entry) = row.last_mut() {
+            *entry = diagonal;
+        }
+    }
+}
+
+/// L ← Lᵀ L for the lower triangle of L, in place; with L⁻¹ this is (L Lᵀ)⁻¹.
+pub fn square_transposed<T: Real>(l: &mut MatMut<'_, T>) {
+    let n = l.rows().min(l.cols());
+    for i in 0..n {
+        // Row i is not read again once it is written, its diagonal last.
+        for j in 0..=i {
+            let product = (i..n).fold(T::ZERO, |sum, k| sum + l.at(k, i) * l.at(k, j));
+            l.set(i, j, product);
         }
     }
 }
 
 /// Takes the lower triangle back from the strict upper one and the `diagonal` that was kept.
 pub fn restore<T: Real>(p: &mut MatMut<'_, T>, diagonal: &[T]) {
-    for (i, &d) in diagonal.iter().enumerate().take(p.rows()) {
-        for j in 0..i {
-            *p.at_mut(i, j) = p.at(j, i);
-        }
-        *p.at_mut(i, i) = d;
+    p.mirror_upper();
+    for (i, &d) in diagonal.iter().enumerate() {
+        p.set(i, i, d);
     }
 }
 
 /// Keeps the diagonal of P for [`restore`].
 pub fn keep_diagonal<T: Real>(p: Mat<'_, T>, diagonal: &mut [T]) {
-    for (i, d) in diagonal.iter_mut().enumerate().take(p.rows()) {
+    for (i, d) in diagonal.iter_mut().enumerate() {
         *d = p.at(i, i);
     }
 }
@@ -221,6 +234,21 @@ mod tests {
         }
 
         #[test]
+        fn square_transposed_of_the_inverse_factor_is_the_inverse((n, a) in spd::matrix(1..7usize)) {
+            let mut p = lower(n, &a);
+            let mut view = MatMut::square(&mut p, n).unwrap();
+            super::super::cholesky::factor(&mut view).unwrap();
+            super::super::triangular::invert(&mut view).unwrap();
+            square_transposed(&mut view);
+            view.mirror_lower();
+            let one = spd::product(n, &p, &a);
+            for k in 0..n * n {
+                let size: f64 = (0..n).map(|i| (p[k / n * n + i] * a[i * n + k % n]).abs()).sum();
+                prop_assert!((one[k] - f64::from(u8::from(k / n == k % n))).abs() < 1e-11 * size);
+            }
+        }
+
+        #[test]
         fn rows_are_those_of_the_full_matrix((n, a) in spd::matrix(1..9usize), pick in 0..8usize) {
             let p = lower(n, &a);
             let p = Mat::square(&p, n).unwrap();
@@ -230,7 +258,7 @@ mod tests {
             add_row(p, i, 1.0, &mut added);
             for j in 0..n {
                 prop_assert_eq!(copied[j], if j <= i { a[i * n + j] } else { a[j * n + i] });
-                prop_assert_eq!(Some(added[j]), entry(p, i, j));
+                prop_assert_eq!(added[j], copied[j]);
             }
         }
 

@@ -5,7 +5,7 @@
 //!
 //! Panic contract: none. A row out of range is the empty slice, an entry out of range is `None`.
 
-use super::{LinalgError, head, head_mut, tail_mut};
+use super::{LinalgError, head, head_mut, tail, tail_mut};
 use crate::real::Real;
 
 /// Whether `rows × cols` with leading dimension `ld` fits into `len` numbers.
@@ -85,6 +85,12 @@ impl<'a, T: Copy> Mat<'a, T> {
         }
         let start = if rows == 0 || cols == 0 { 0 } else { i * self.ld + j };
         Self::new(self.data.get(start..).unwrap_or(&[]), rows, cols, self.ld)
+    }
+
+    /// Entries (i, j) of column j for i > j.
+    pub(crate) fn column_below(&self, j: usize) -> impl Iterator<Item = &'a T> + use<'a, T> {
+        let below = tail(self.data, (j + 1) * self.ld + j);
+        below.iter().step_by(self.ld.max(1)).take(self.rows.saturating_sub(j + 1))
     }
 
     /// The rows in order.
@@ -278,6 +284,11 @@ impl<'a, T: Copy> MatMut<'a, T> {
         self.for_pairs(|upper, lower| *upper = *lower);
     }
 
+    /// Copies the strict upper triangle of a square matrix onto the lower one.
+    pub fn mirror_upper(&mut self) {
+        self.for_pairs(|upper, lower| *lower = *upper);
+    }
+
     /// Transposes a square matrix in place; of a wide or tall one, its leading square.
     pub fn transpose(&mut self) {
         self.for_pairs(core::mem::swap);
@@ -301,6 +312,13 @@ impl<T: Copy + Default> MatMut<'_, T> {
 }
 
 impl<T: Real> MatMut<'_, T> {
+    /// Adds to entry (i, j); nothing happens where there is none.
+    pub(crate) fn add(&mut self, i: usize, j: usize, value: T) {
+        if let Some(entry) = self.row_mut(i).get_mut(j) {
+            *entry += value;
+        }
+    }
+
     /// Replaces a square matrix by (A + Aᵀ)/2.
     pub fn symmetrize(&mut self) {
         let half = T::from_f64(0.5);

@@ -66,15 +66,14 @@ fn run_form(root: Inputs, form: Form, name: &str, report: &mut Report) -> Result
         fixing,
         ..Options::default()
     };
-    let failed = |error: surefix_core::filter::mixed_integer::FilterError| CaseError::Absurd(error.to_string());
     let mut filter = Box::new(Filter::new(options));
-    filter.reset_independent(m_x.len(), &[&*m_x, &m_n].concat(), &[&*p_x, &p_n].concat()).map_err(failed)?;
+    filter.reset_independent(m_x.len(), &[&*m_x, &m_n].concat(), &[&*p_x, &p_n].concat())?;
 
     let tolerances = root.object("tol")?;
     let (tol_mean, tol_var) = (tolerances.number("mean")?, tolerances.number("var")?);
     for (k, epoch) in root.objects("epochs")?.into_iter().enumerate() {
         let id = format!("epoch {}", k + 1);
-        filter.step(&model, &epoch.list("y")?).map_err(failed)?;
+        filter.step(&model, &epoch.list("y")?)?;
         let densities = [
             ("relaxed", filter.mean(), filter.covariance(), "m_f", "P_f_diag"),
             ("constrained", filter.constrained_mean(), filter.constrained_covariance(), "m_c", "P_c_diag"),

@@ -21,6 +21,7 @@ pub mod kalman;
 pub mod mixed_integer;
 pub mod moments;
 pub mod orbits;
+pub mod recursive;
 pub mod report;
 pub mod rule;
 pub mod selection;
@@ -49,6 +50,7 @@ const FORMATS: &[Format] = &[
     Format { recognises: kalman::recognises, run: kalman::run },
     Format { recognises: moments::recognises, run: moments::run },
     Format { recognises: mixed_integer::recognises, run: mixed_integer::run },
+    Format { recognises: recursive::recognises, run: recursive::run },
     Format { recognises: slips::recognises, run: slips::run },
 ];
 

@@ -28,7 +28,7 @@ use core::fmt;
 
 pub use points::{Points, Weights};
 
-use crate::linalg::{Mat, MatMut, axpy, cholesky, triangular};
+use crate::linalg::{Mat, MatMut, axpy, cholesky, copy, head, head_mut, tail_mut, triangular};
 use crate::model::partially_linear::Nonlinear;
 use crate::real::Real;
 
@@ -153,7 +153,7 @@ fn taylor<T: Real>(
     function.evaluate(mean, prediction);
     all_finite(prediction)?;
     let mut gradient = [0.0; MAX_INPUTS];
-    let gradient = &mut gradient[..mean.len()];
+    let gradient = head_mut(&mut gradient, mean.len());
     for row in 0..prediction.len() {
         function.gradient(mean, row, gradient);
         all_finite(gradient)?;
@@ -179,7 +179,7 @@ fn statistical<T: Real>(
         return Ok(());
     }
     let mut factor = [T::ZERO; MAX_INPUTS * MAX_INPUTS];
-    let mut factor = MatMut::square(&mut factor[..d * d], d).map_err(|_| LinearizeError::Shape)?;
+    let mut factor = MatMut::square(&mut factor, d).map_err(|_| LinearizeError::Shape)?;
     factor.copy_from(covariance).map_err(|_| LinearizeError::Shape)?;
     cholesky::factor(&mut factor).map_err(|_| LinearizeError::NotPositiveDefinite)?;
     let factor = factor.as_ref();
@@ -187,7 +187,7 @@ fn statistical<T: Real>(
     let slots = work.samples.len() / p;
     let stored = if slots >= count { count } else { slots - 1 };
     let mut xi = [0.0; MAX_INPUTS];
-    let xi = &mut xi[..d];
+    let xi = head_mut(&mut xi, d);
 
     // First pass: ḡ and A, from deviations from the first point; they are small, and Σ wᶜ ξ = 0.
     prediction.fill(0.0);
@@ -198,17 +198,20 @@ fn statistical<T: Real>(
         evaluate(function, mean, factor, xi, work.values);
         if k == 0 {
             all_finite(work.values)?;
-            work.reference.copy_from_slice(work.values);
+            copy(work.reference, work.values);
         }
         let slot = k.min(slots - 1) * p;
-        let sample = &mut work.samples[slot..slot + p];
-        for (j, (value, reference)) in work.values.iter().zip(&*work.reference).enumerate() {
+        let sample = head_mut(tail_mut(work.samples, slot), p);
+        let weight = T::from_f64(weights.covariance);
+        let values = work.values.iter().zip(&*work.reference).zip(&mut *prediction);
+        for (((value, reference), prediction), (sample, slope)) in
+            values.zip(sample.iter_mut().zip(jacobian.iter_mut()))
+        {
             let deviation = value - reference;
-            prediction[j] += weights.mean * deviation;
-            sample[j] = T::from_f64(deviation);
-            let weighted = T::from_f64(weights.covariance) * sample[j];
-            for (entry, &xi) in jacobian.row_mut(j).iter_mut().zip(&*xi) {
-                *entry += weighted * T::from_f64(xi);
+            *prediction += weights.mean * deviation;
+            *sample = T::from_f64(deviation);
+            for (entry, &xi) in slope.iter_mut().zip(&*xi) {
+                *entry += weight * *sample * T::from_f64(xi);
             }
         }
     }
@@ -218,22 +221,22 @@ fn statistical<T: Real>(
     for k in 0..count {
         let Some(weights) = points.next(xi) else { break };
         let slot = k.min(slots - 1) * p;
-        let sample = &mut work.samples[slot..slot + p];
+        let sample = head_mut(tail_mut(work.samples, slot), p);
         if k >= stored {
             evaluate(function, mean, factor, xi, work.values);
             for ((sample, value), reference) in sample.iter_mut().zip(&*work.values).zip(&*work.reference) {
                 *sample = T::from_f64(value - reference);
             }
         }
-        for (j, residual) in sample.iter_mut().enumerate() {
-            *residual -= T::from_f64(prediction[j]);
-            for (&slope, &xi) in jacobian.row(j).iter().zip(&*xi) {
+        for ((residual, &prediction), slope) in sample.iter_mut().zip(&*prediction).zip(jacobian.iter()) {
+            *residual -= T::from_f64(prediction);
+            for (&slope, &xi) in slope.iter().zip(&*xi) {
                 *residual -= slope * T::from_f64(xi);
             }
         }
         let weight = T::from_f64(weights.covariance);
-        for i in 0..p {
-            axpy(&mut noise.row_mut(i)[..=i], weight * sample[i], &sample[..=i]);
+        for ((i, row), &residual) in noise.iter_mut().enumerate().zip(&*sample) {
+            axpy(head_mut(row, i + 1), weight * residual, sample);
         }
     }
 
@@ -241,8 +244,8 @@ fn statistical<T: Real>(
         *value += reference;
     }
     all_finite(prediction)?;
-    for j in 0..p {
-        triangular::back_transposed(factor, jacobian.row_mut(j)).map_err(|_| LinearizeError::NotPositiveDefinite)?;
+    for slope in jacobian.iter_mut() {
+        triangular::back_transposed(factor, slope).map_err(|_| LinearizeError::NotPositiveDefinite)?;
     }
     Ok(())
 }
@@ -257,10 +260,10 @@ fn evaluate<T: Real>(
 ) {
     let mut u = [0.0; MAX_INPUTS];
     for (i, (u, mean)) in u.iter_mut().zip(mean).enumerate() {
-        let row = &factor.row(i)[..=i];
+        let row = head(factor.row(i), i + 1);
         *u = mean + row.iter().zip(xi).fold(0.0, |sum, (c, xi)| sum + c.to_f64() * xi);
     }
-    function.evaluate(&u[..mean.len()], values);
+    function.evaluate(head(&u, mean.len()), values);
 }
 
 fn all_finite(values: &[f64]) -> Result<(), LinearizeError> {

@@ -1,6 +1,6 @@
 //! One of the two densities: its mean, its covariance, and how to go back to the last good one.
 
-use crate::linalg::{LinalgError, MatMut, symmetric};
+use crate::linalg::{LinalgError, Mat, MatMut, copy, head, head_mut, projection, symmetric, triangular};
 use crate::model::partially_linear::{Elementary, PartiallyLinear};
 use crate::real::Real;
 
@@ -39,26 +39,59 @@ impl<T: Real, const N: usize> Density<T, N> {
             return Err(LinalgError::Shape);
         }
         Ok(Cut {
-            mean: &mut self.mean[..n],
+            mean: head_mut(&mut self.mean, n),
             p: MatMut::new(self.covariance.as_flattened_mut(), n, n, N)?,
-            correction: &mut self.correction[..n],
-            last: &mut self.last[..n],
-            diagonal: &mut self.diagonal[..n],
+            correction: head_mut(&mut self.correction, n),
+            last: head_mut(&mut self.last, n),
+            diagonal: head_mut(&mut self.diagonal, n),
         })
+    }
+
+    /// Mean and covariance of the first n states, between epochs.
+    pub fn view(&self, n: usize) -> (&[f64], Mat<'_, T>) {
+        let covariance = Mat::new(self.covariance.as_flattened(), n, n, N);
+        (head(&self.mean, n), covariance.unwrap_or(Mat::empty()))
     }
 }
 
 impl<T: Real> Cut<'_, T> {
+    /// Sets mean and lower triangle.
+    pub fn set(mut self, mean: &[f64], covariance: impl Fn(usize, usize) -> T) -> Self {
+        copy(self.mean, mean);
+        self.set_covariance(covariance);
+        self
+    }
+
+    /// Sets the lower triangle.
+    pub fn set_covariance(&mut self, covariance: impl Fn(usize, usize) -> T) {
+        for (i, row) in self.p.iter_mut().enumerate() {
+            for (j, entry) in head_mut(row, i + 1).iter_mut().enumerate() {
+                *entry = covariance(i, j);
+            }
+        }
+    }
+
+    /// The density of the least-squares estimate Q x = b with the transpose of U from [`projection::orthogonalize`] in P's
+    /// place: mean U⁻¹ Qᵀ b, covariance U⁻¹ U⁻ᵀ.
+    pub fn solve(&mut self, q: Mat<'_, T>, b: &[T]) -> Result<(), LinalgError> {
+        projection::solve(q, self.p.as_ref(), b, self.correction)?;
+        triangular::invert(&mut self.p)?;
+        symmetric::square_transposed(&mut self.p);
+        self.mean.fill(0.0);
+        self.correct();
+        Ok(())
+    }
+
     /// Starts an epoch: from here on [`Self::roll_back`] returns to this density.
     pub fn begin(&mut self) {
-        self.last.copy_from_slice(self.mean);
+        copy(self.last, self.mean);
         symmetric::keep_diagonal(self.p.as_ref(), self.diagonal);
         self.correction.fill(T::ZERO);
     }
 
     /// Back to where the epoch began.
     pub fn roll_back(&mut self) {
-        self.mean.copy_from_slice(self.last);
+        copy(self.mean, self.last);
         symmetric::restore(&mut self.p, self.diagonal);
     }
 
@@ -72,11 +105,15 @@ impl<T: Real> Cut<'_, T> {
         let mut fits = true;
         model.transition(&mut |step| match step {
             Elementary::Shear { to, from, factor } if to < real && from < real && to != from => {
-                self.mean[to] += factor * self.mean[from];
+                if let Ok([to, from]) = self.mean.get_disjoint_mut([to, from]) {
+                    *to += factor * *from;
+                }
                 symmetric::shear(&mut self.p, to, from, T::from_f64(factor));
             }
             Elementary::Scale { state, factor } if state < real => {
-                self.mean[state] *= factor;
+                if let Some(mean) = self.mean.get_mut(state) {
+                    *mean *= factor;
+                }
                 symmetric::scale_state(&mut self.p, state, T::from_f64(factor));
             }
             _ => fits = false,
@@ -84,7 +121,7 @@ impl<T: Real> Cut<'_, T> {
         model.process_noise(&mut |i, j, value| {
             fits &= i < real && j <= i;
             if i < real && j <= i {
-                *self.p.at_mut(i, j) += T::from_f64(value);
+                self.p.add(i, j, T::from_f64(value));
             }
         });
         if fits { Ok(()) } else { Err(FilterError::Shape) }

@@ -8,7 +8,7 @@ use super::rows::{ModelRows, innovation};
 use super::scratch::{Bench, work};
 use super::{Detector, FilterError, Fixing, Integers, MAX_AMBIGUITY, Options, Outcome, Output};
 use crate::integer::{Config, Workspace, resolve};
-use crate::linalg::{MatMut, axpy, cholesky, symmetric, triangular};
+use crate::linalg::{MatMut, axpy, cholesky, copy, head_mut, symmetric, tail, tail_mut, triangular};
 use crate::model::partially_linear::{PartiallyLinear, Shape};
 use crate::real::Real;
 
@@ -35,7 +35,7 @@ impl<T: Real, M: PartiallyLinear + ?Sized> Epoch<'_, T, M> {
     pub fn run<const A: usize>(&mut self, workspace: &mut Workspace<T, A>) -> Result<Outcome<T>, FilterError> {
         let Self { options, model, shape, y, relaxed, bench, .. } = self;
         relaxed.predict(*model, shape.real)?;
-        predict_rows(options, *model, shape, y, relaxed, bench, |mean, state| mean[state])?;
+        predict_rows(options, *model, y, relaxed, bench, value_of)?;
         // The independent rows contain no ambiguity, so that they commute with V: they go first and inform the detector.
         let mut gauge = self.update_relaxed(Group::Independent)?;
         let (slips, common_jump) = self.detect()?;
@@ -63,7 +63,7 @@ impl<T: Real, M: PartiallyLinear + ?Sized> Epoch<'_, T, M> {
         if group == Group::Correlated {
             stage.correlated(&rows, 0, bench.innovation, &mut bench.noise)?;
         } else {
-            let nu = |row: usize| T::from_f64(innovation(*model, row, y[row], 0.0, |state| mean[state]));
+            let nu = |row| T::from_f64(innovation(*model, row, value_of(y, row), 0.0, |state| value_of(mean, state)));
             stage.independent(&rows, shape.correlated..shape.rows(), nu, |row| T::from_f64(model.variance(row)))?;
         }
         Ok(stage.finish()?)
@@ -80,13 +80,12 @@ impl<T: Real, M: PartiallyLinear + ?Sized> Epoch<'_, T, M> {
         // The projection needs the rows with ambiguities only.
         let weighted = options.detector == Detector::Weighted;
         let first = if weighted { 0 } else { shape.unambiguous };
-        let m = shape.correlated - first;
+        let m = shape.correlated.saturating_sub(first);
         if m < shape.ambiguities {
             return Err(FilterError::Undetermined { index: m });
         }
         let mut g = bench.g.block_mut(0, 0, m, shape.ambiguities)?;
-        for i in 0..m {
-            let row = g.row_mut(i);
+        for (i, row) in g.iter_mut().enumerate() {
             row.fill(T::ZERO);
             model.linear_row(first + i, &mut |state, coefficient| {
                 if let Some(entry) = state.checked_sub(shape.real).and_then(|ambiguity| row.get_mut(ambiguity)) {
@@ -103,13 +102,13 @@ impl<T: Real, M: PartiallyLinear + ?Sized> Epoch<'_, T, M> {
             let mut v = MatMut::new(bench.rows, m, n, bench.stride)?;
             bench.noise.mirror_lower();
             symmetric::keep_diagonal(bench.noise.as_ref(), bench.noise_diagonal);
-            bench.residual.copy_from_slice(bench.innovation);
+            copy(bench.residual, bench.innovation);
             project(relaxed.p.as_ref(), &rows, 0, &mut v, &mut bench.noise);
             remove(relaxed.correction, &rows, 0, bench.residual);
             slip::project_weighted(&mut g, bench.residual, &mut bench.noise, &mut bench.factor, bench.estimate)?;
             symmetric::restore(&mut bench.noise, bench.noise_diagonal);
         } else {
-            slip::project(&mut g, &bench.innovation[first..], &mut bench.factor, bench.estimate)?;
+            slip::project(&mut g, tail(bench.innovation, first), &mut bench.factor, bench.estimate)?;
         }
         let mut slips = 0;
         for (flag, estimate) in bench.flags.iter_mut().zip(&*bench.estimate) {
@@ -125,12 +124,12 @@ impl<T: Real, M: PartiallyLinear + ?Sized> Epoch<'_, T, M> {
         let Options { sigma_jump, sigma_stay, .. } = self.options;
         for (i, &flag) in self.bench.flags.iter().enumerate() {
             let sigma = slip::sigma(flag, sigma_jump, sigma_stay);
-            *self.relaxed.p.at_mut(real + i, real + i) += T::from_f64(sigma * sigma);
+            self.relaxed.p.add(real + i, real + i, T::from_f64(sigma * sigma));
         }
         if common_jump.is_some() && self.options.common_jump {
             let variance = T::from_f64(sigma_jump * sigma_jump);
             for i in real..n {
-                for entry in &mut self.relaxed.p.row_mut(i)[real..=i] {
+                for entry in tail_mut(head_mut(self.relaxed.p.row_mut(i), i + 1), real) {
                     *entry += variance;
                 }
             }
@@ -144,15 +143,16 @@ impl<T: Real, M: PartiallyLinear + ?Sized> Epoch<'_, T, M> {
         if shape.ambiguities == 0 {
             return Ok(None);
         }
-        for (i, &mean) in relaxed.mean[real..].iter().enumerate() {
+        let ambiguities = tail(relaxed.mean, real).iter().zip(bench.integers.iter_mut().zip(&mut *bench.fraction));
+        for (index, (&mean, (integer, fraction))) in ambiguities.enumerate() {
             if !(libm::fabs(mean) < MAX_AMBIGUITY) {
-                return Err(FilterError::Ambiguity { index: i });
+                return Err(FilterError::Ambiguity { index });
             }
             let whole = libm::round(mean);
-            bench.integers[i] = whole as i64;
-            bench.fraction[i] = T::from_f64(mean - whole);
-            bench.factor.row_mut(i)[..=i].copy_from_slice(&relaxed.p.row(real + i)[real..=real + i]);
+            *integer = whole as i64;
+            *fraction = T::from_f64(mean - whole);
         }
+        bench.factor.copy_from(relaxed.p.as_ref().block(real, real, shape.ambiguities, shape.ambiguities)?)?;
         bench.factor.mirror_lower();
         let budget = if options.fixing == Fixing::LeastSquares { options.search_budget } else { 0 };
         let found = resolve(bench.fraction, bench.factor.as_ref(), &Config { budget }, workspace)?;
@@ -175,10 +175,10 @@ impl<T: Real, M: PartiallyLinear + ?Sized> Epoch<'_, T, M> {
         constrained.predict(*model, real)?;
         let integers = core::mem::take(&mut bench.integers);
         let value = |mean: &[f64], state: usize| match state.checked_sub(real) {
-            Some(ambiguity) => integers[ambiguity] as f64,
-            None => mean[state],
+            Some(ambiguity) => integers.get(ambiguity).map_or(0.0, |&integer| integer as f64),
+            None => value_of(mean, state),
         };
-        let predicted = predict_rows(options, *model, shape, y, constrained, bench, value);
+        let predicted = predict_rows(options, *model, y, constrained, bench, value);
         bench.integers = integers;
         predicted?;
 
@@ -186,11 +186,11 @@ impl<T: Real, M: PartiallyLinear + ?Sized> Epoch<'_, T, M> {
         let work = work(bench.rows, bench.vectors, bench.stride, shape.correlated, real)?;
         let mut stage = Stage::begin(options.form, constrained.correction, constrained.p.reborrow(), work)?;
         let mean = &*constrained.mean;
-        let nu = |row: usize| T::from_f64(innovation(*model, row, y[row], 0.0, |state| mean[state]));
+        let nu = |row| T::from_f64(innovation(*model, row, value_of(y, row), 0.0, |state| value_of(mean, state)));
         stage.independent(&rows, shape.correlated..shape.rows(), nu, |row| T::from_f64(model.variance(row)))?;
         let taken = if gated { shape.unambiguous } else { shape.correlated };
         let mut noise = bench.noise.block_mut(0, 0, taken, taken)?;
-        stage.correlated(&rows, 0, &mut bench.innovation[..taken], &mut noise)?;
+        stage.correlated(&rows, 0, head_mut(bench.innovation, taken), &mut noise)?;
         let gauge = stage.finish()?;
         constrained.correct();
         Ok(gauge)
@@ -201,26 +201,25 @@ impl<T: Real, M: PartiallyLinear + ?Sized> Epoch<'_, T, M> {
     fn condition(&mut self, gated: bool) -> Result<Gauge<T>, FilterError> {
         let Self { shape, relaxed, constrained, bench, .. } = self;
         let (real, a) = (shape.real, shape.ambiguities);
-        for i in 0..real {
-            constrained.p.row_mut(i)[..=i].copy_from_slice(&relaxed.p.row(i)[..=i]);
-        }
-        constrained.mean.copy_from_slice(&relaxed.mean[..real]);
+        let joint = relaxed.p.as_ref();
+        constrained.set_covariance(|i, j| joint.at(i, j));
+        copy(constrained.mean, relaxed.mean);
         if a == 0 || gated {
             return Ok(Gauge::default());
         }
         let mut w = MatMut::new(bench.rows, a, real, bench.stride)?;
-        for i in 0..a {
-            let row = relaxed.p.row(real + i);
-            w.row_mut(i).copy_from_slice(&row[..real]);
-            bench.factor.row_mut(i)[..=i].copy_from_slice(&row[real..=real + i]);
-            bench.fraction[i] = T::from_f64(bench.integers[i] as f64 - relaxed.mean[real + i]);
+        w.copy_from(joint.block(real, 0, a, real)?)?;
+        bench.factor.copy_from(joint.block(real, real, a, a)?)?;
+        let ambiguities = tail(relaxed.mean, real).iter().zip(&*bench.integers);
+        for (z, (mean, &integer)) in bench.fraction.iter_mut().zip(ambiguities) {
+            *z = T::from_f64(integer as f64 - mean);
         }
         cholesky::factor(&mut bench.factor)?;
         triangular::forward(bench.factor.as_ref(), bench.fraction)?;
         triangular::forward_rows(bench.factor.as_ref(), &mut w)?;
         symmetric::subtract_gram(&mut constrained.p, w.as_ref());
-        for (i, &z) in bench.fraction.iter().enumerate() {
-            axpy(constrained.correction, z, w.row(i));
+        for (&z, w) in bench.fraction.iter().zip(w.iter()) {
+            axpy(constrained.correction, z, w);
         }
         symmetric::check_diagonal(constrained.p.as_ref())?;
         constrained.correct();
@@ -233,14 +232,13 @@ impl<T: Real, M: PartiallyLinear + ?Sized> Epoch<'_, T, M> {
 fn predict_rows<T: Real>(
     options: &Options,
     model: &(impl PartiallyLinear + ?Sized),
-    shape: &Shape,
     y: &[f64],
     density: &Cut<'_, T>,
     bench: &mut Bench<'_, T>,
     value: impl Fn(&[f64], usize) -> f64,
 ) -> Result<(), FilterError> {
-    for i in 0..shape.correlated {
-        for (j, entry) in bench.noise.row_mut(i)[..=i].iter_mut().enumerate() {
+    for (i, row) in bench.noise.iter_mut().enumerate() {
+        for (j, entry) in head_mut(row, i + 1).iter_mut().enumerate() {
             *entry = T::from_f64(model.noise(i, j));
         }
     }
@@ -248,10 +246,17 @@ fn predict_rows<T: Real>(
     let covariance = density.p.as_ref().block(u.start, u.start, u.len(), u.len())?;
     let work = linearize::Work { values: bench.values, reference: bench.reference, samples: bench.rows };
     let (slope, noise) = (&mut bench.slope, &mut bench.noise);
-    linearize(options.rule, model, &density.mean[u], covariance, bench.prediction, slope, noise, work)?;
-    for (row, nu) in bench.innovation.iter_mut().enumerate() {
+    let mean = density.mean.get(u).unwrap_or(&[]);
+    linearize(options.rule, model, mean, covariance, bench.prediction, slope, noise, work)?;
+    let predicted = y.iter().zip(&*bench.prediction);
+    for ((row, nu), (&y, &prediction)) in bench.innovation.iter_mut().enumerate().zip(predicted) {
         let value = |state| value(density.mean, state);
-        *nu = T::from_f64(innovation(model, row, y[row], bench.prediction[row], value));
+        *nu = T::from_f64(innovation(model, row, y, prediction, value));
     }
     Ok(())
+}
+
+/// An entry, 0 where there is none.
+fn value_of(values: &[f64], index: usize) -> f64 {
+    values.get(index).copied().unwrap_or(0.0)
 }

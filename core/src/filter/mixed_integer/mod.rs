@@ -32,6 +32,7 @@ mod density;
 mod epoch;
 mod error;
 mod options;
+mod recursive;
 mod rows;
 mod scratch;
 #[cfg(test)]
@@ -39,11 +40,12 @@ mod tests;
 
 pub use error::FilterError;
 pub use options::{Detector, Fixing, Options, Output};
+pub use recursive::{Measurement, RecursiveMils};
 
 use super::linearize::MAX_INPUTS;
 use super::update::Gauge;
 use crate::integer::{Method, Workspace};
-use crate::linalg::{Mat, cholesky, symmetric};
+use crate::linalg::{Mat, cholesky, copy, head, symmetric, tail};
 use crate::model::partially_linear::{PartiallyLinear, Shape};
 use crate::real::Real;
 use density::Density;
@@ -141,11 +143,8 @@ impl<T: Real, const N: usize, const X: usize, const A: usize, const C: usize> Mi
         symmetric::check(covariance).map_err(FilterError::Covariance)?;
         // The trial factorisation takes the place of the old covariance, which comes back if it fails.
         self.relaxed.cut(self.real + self.ambiguities)?.begin();
-        let mut trial = self.relaxed.cut(n)?.p;
-        for i in 0..n {
-            trial.row_mut(i)[..=i].copy_from_slice(&covariance.row(i)[..=i]);
-        }
-        if let Err(error) = cholesky::factor(&mut trial) {
+        let mut trial = self.relaxed.cut(n)?.set(mean, |i, j| covariance.at(i, j));
+        if let Err(error) = cholesky::factor(&mut trial.p) {
             self.relaxed.cut(self.real + self.ambiguities)?.roll_back();
             return Err(error.into());
         }
@@ -162,7 +161,11 @@ impl<T: Real, const N: usize, const X: usize, const A: usize, const C: usize> Mi
         if let Some(state) = variances.iter().position(|variance| !fits(variance)) {
             return Err(FilterError::NotPositiveDefinite { state });
         }
-        self.set(real, ambiguities, mean, |i, j| if i == j { T::from_f64(variances[i]) } else { T::ZERO })
+        let covariance = |i: usize, j: usize| match variances.get(i) {
+            Some(&variance) if i == j => T::from_f64(variance),
+            _ => T::ZERO,
+        };
+        self.set(real, ambiguities, mean, covariance)
     }
 
     /// Checks an initial mean; returns the number of ambiguities in it.
@@ -177,7 +180,7 @@ impl<T: Real, const N: usize, const X: usize, const A: usize, const C: usize> Mi
         if !mean.iter().all(|mean| mean.is_finite()) {
             return Err(FilterError::NotFinite);
         }
-        match mean[real..].iter().position(|n| libm::fabs(*n) >= MAX_AMBIGUITY) {
+        match tail(mean, real).iter().position(|n| libm::fabs(*n) >= MAX_AMBIGUITY) {
             Some(index) => Err(FilterError::Ambiguity { index }),
             None => Ok(ambiguities),
         }
@@ -191,17 +194,8 @@ impl<T: Real, const N: usize, const X: usize, const A: usize, const C: usize> Mi
         mean: &[f64],
         covariance: impl Fn(usize, usize) -> T,
     ) -> Result<(), FilterError> {
-        for (mut density, n) in
-            [(self.relaxed.cut(real + ambiguities)?, real + ambiguities), (self.constrained.cut(real)?, real)]
-        {
-            density.mean.copy_from_slice(&mean[..n]);
-            for i in 0..n {
-                for (j, entry) in density.p.row_mut(i)[..=i].iter_mut().enumerate() {
-                    *entry = covariance(i, j);
-                }
-            }
-            density.commit();
-        }
+        self.relaxed.cut(real + ambiguities)?.set(mean, &covariance).commit();
+        self.constrained.cut(real)?.set(mean, &covariance).commit();
         (self.real, self.ambiguities) = (real, ambiguities);
         self.integers = [0; A];
         self.slip_estimates = [0.0; A];
@@ -227,8 +221,8 @@ impl<T: Real, const N: usize, const X: usize, const A: usize, const C: usize> Mi
             Ok(outcome) => {
                 epoch.relaxed.commit();
                 epoch.constrained.commit();
-                self.integers[..shape.ambiguities].copy_from_slice(epoch.bench.integers);
-                self.slips[..shape.ambiguities].copy_from_slice(epoch.bench.flags);
+                copy(&mut self.integers, epoch.bench.integers);
+                copy(&mut self.slips, epoch.bench.flags);
                 for (to, from) in self.slip_estimates.iter_mut().zip(&*epoch.bench.estimate) {
                     *to = from.to_f64();
                 }
@@ -280,37 +274,36 @@ impl<T: Real, const N: usize, const X: usize, const A: usize, const C: usize> Mi
 
     /// Mean of the relaxed density (x, n); ambiguities in cycles.
     pub fn mean(&self) -> &[f64] {
-        self.relaxed.mean.get(..self.real + self.ambiguities).unwrap_or(&[])
+        self.relaxed.view(self.real + self.ambiguities).0
     }
 
     /// Covariance of the relaxed density.
     pub fn covariance(&self) -> Mat<'_, T> {
-        let n = self.real + self.ambiguities;
-        Mat::new(self.relaxed.covariance.as_flattened(), n, n, N).unwrap_or(Mat::empty())
+        self.relaxed.view(self.real + self.ambiguities).1
     }
 
     /// Mean of the constrained density x.
     pub fn constrained_mean(&self) -> &[f64] {
-        self.constrained.mean.get(..self.real).unwrap_or(&[])
+        self.constrained.view(self.real).0
     }
 
     /// Covariance of the constrained density.
     pub fn constrained_covariance(&self) -> Mat<'_, T> {
-        Mat::new(self.constrained.covariance.as_flattened(), self.real, self.real, X).unwrap_or(Mat::empty())
+        self.constrained.view(self.real).1
     }
 
     /// Integers nᴵ of the last epoch `[cycles]`.
     pub fn integers(&self) -> &[i64] {
-        self.integers.get(..self.ambiguities).unwrap_or(&[])
+        head(&self.integers, self.ambiguities)
     }
 
     /// Slip estimates δn of the last epoch `[cycles]`; zero without a detector.
     pub fn slip_estimates(&self) -> &[f64] {
-        self.slip_estimates.get(..self.ambiguities).unwrap_or(&[])
+        head(&self.slip_estimates, self.ambiguities)
     }
 
     /// Which ambiguities were taken to have jumped in the last epoch.
     pub fn slips(&self) -> &[bool] {
-        self.slips.get(..self.ambiguities).unwrap_or(&[])
+        head(&self.slips, self.ambiguities)
     }
 }

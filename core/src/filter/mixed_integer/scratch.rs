@@ -2,7 +2,7 @@
 
 use super::super::linearize::MAX_INPUTS;
 use super::super::update;
-use crate::linalg::{LinalgError, MatMut};
+use crate::linalg::{LinalgError, MatMut, head_mut};
 use crate::real::Real;
 
 /// For N states, A ambiguities and C correlated rows.
@@ -90,19 +90,19 @@ impl<T: Real, const N: usize, const A: usize, const C: usize> Scratch<T, N, A, C
             vectors: self.vectors.as_flattened_mut(),
             stride: N,
             noise: MatMut::new(self.noise.as_flattened_mut(), c, c, C)?,
-            noise_diagonal: &mut self.noise_diagonal[..c],
-            innovation: &mut self.innovation[..c],
-            residual: &mut self.residual[..c],
+            noise_diagonal: head_mut(&mut self.noise_diagonal, c),
+            innovation: head_mut(&mut self.innovation, c),
+            residual: head_mut(&mut self.residual, c),
             slope: MatMut::new(self.slope.as_flattened_mut(), c, d, MAX_INPUTS)?,
-            prediction: &mut self.prediction[..c],
-            values: &mut self.values[..c],
-            reference: &mut self.reference[..c],
+            prediction: head_mut(&mut self.prediction, c),
+            values: head_mut(&mut self.values, c),
+            reference: head_mut(&mut self.reference, c),
             g: MatMut::new(self.g.as_flattened_mut(), c, a, A)?,
             factor: MatMut::new(self.factor.as_flattened_mut(), a, a, A)?,
-            estimate: &mut self.estimate[..a],
-            fraction: &mut self.fraction[..a],
-            flags: &mut self.flags[..a],
-            integers: &mut self.integers[..a],
+            estimate: head_mut(&mut self.estimate, a),
+            fraction: head_mut(&mut self.fraction, a),
+            flags: head_mut(&mut self.flags, a),
+            integers: head_mut(&mut self.integers, a),
         })
     }
 }

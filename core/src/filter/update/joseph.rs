@@ -5,7 +5,7 @@
 //! A h, which is r k but for rounding, is computed from A itself, row by row before any of it is stored: this is what makes
 //! the form stable (R. S. Bucy & P. D. Joseph, 1968; [`crate::linalg::sequential`] does the same on a full matrix).
 
-use crate::linalg::{LinalgError, MatMut, axpy, dot, scale, symmetric};
+use crate::linalg::{LinalgError, MatMut, axpy, dot, head_mut, scale, symmetric};
 use crate::real::Real;
 
 /// Updates the lower triangle of `p` by the row `h` with noise `variance`; returns s, and k in `gain`. `row` and `offset`
@@ -26,15 +26,15 @@ pub(super) fn update<T: Real>(
     if !(s > T::ZERO && s.is_finite() && variance >= T::ZERO) {
         return Err(LinalgError::NotFinite);
     }
-    for (i, offset) in offset.iter_mut().enumerate() {
-        let k = gain[i] / s;
+    for ((i, offset), &v) in offset.iter_mut().enumerate().zip(&*gain) {
+        let k = v / s;
         symmetric::copy_row(p.as_ref(), i, row);
         axpy(row, -k, gain);
         *offset = (variance * k - dot(h, row)) / s;
     }
-    for (i, &offset) in offset.iter().enumerate() {
-        let k = gain[i] / s;
-        for (p, &v) in p.row_mut(i)[..=i].iter_mut().zip(&*gain) {
+    for (((i, p), &offset), &v) in p.iter_mut().enumerate().zip(&*offset).zip(&*gain) {
+        let k = v / s;
+        for (p, &v) in head_mut(p, i + 1).iter_mut().zip(&*gain) {
             *p = *p - k * v + offset * v;
         }
     }

@@ -158,9 +158,13 @@ pub fn update<T: Real>(
     buffer: &mut [T],
 ) -> Result<Gauge<T>, UpdateError> {
     let (m, n) = (innovation.len(), mean.len());
-    if [p.rows(), p.cols()] != [n; 2] || [noise.rows(), noise.cols()] != [m; 2] || buffer.len() < buffer_len(m, n) {
+    if [p.rows(), p.cols()] != [n; 2] || [noise.rows(), noise.cols()] != [m; 2] {
         return Err(UpdateError::Shape);
     }
+    let (row_buffer, rest) = buffer.split_at_mut_checked(m * n).ok_or(UpdateError::Shape)?;
+    let (vectors, rest) = rest.split_at_mut_checked(VECTORS * n).ok_or(UpdateError::Shape)?;
+    let (correction, rest) = rest.split_at_mut_checked(n).ok_or(UpdateError::Shape)?;
+    let diagonal = rest.get_mut(..n).ok_or(UpdateError::Shape)?;
     if m == 0 {
         return Err(UpdateError::NoRows);
     }
@@ -170,10 +174,6 @@ pub fn update<T: Real>(
     if !(mean.iter().all(|m| m.is_finite()) && innovation.iter().all(|nu| nu.is_finite())) {
         return Err(UpdateError::NotFinite);
     }
-    let (row_buffer, rest) = buffer.split_at_mut(m * n);
-    let (vectors, rest) = rest.split_at_mut(VECTORS * n);
-    let (correction, rest) = rest.split_at_mut(n);
-    let diagonal = &mut rest[..n];
     symmetric::keep_diagonal(p.as_ref(), diagonal);
     let definite = cholesky::factor(p);
     symmetric::restore(p, diagonal);

@@ -9,7 +9,7 @@ use core::ops::Range;
 
 use super::stage::{Stage, VECTORS, product};
 use super::{Rows, UpdateError};
-use crate::linalg::{Mat, MatMut, axpy, cholesky, symmetric, triangular};
+use crate::linalg::{Mat, MatMut, axpy, cholesky, head_mut, symmetric, triangular};
 use crate::real::Real;
 
 /// Independent rows, [`VECTORS`] at a time.
@@ -22,16 +22,16 @@ pub(super) fn independent<T: Real>(
 ) -> Result<(), UpdateError> {
     let n = stage.correction.len();
     for first in range.clone().step_by(VECTORS) {
-        let m = VECTORS.min(range.end - first);
+        let m = VECTORS.min(range.end.saturating_sub(first));
         let mut s = [T::ZERO; VECTORS * VECTORS];
         let mut s = MatMut::new(&mut s, m, m, VECTORS)?;
         let mut z = [T::ZERO; VECTORS];
-        for i in 0..m {
-            z[i] = innovation(first + i);
+        let z = head_mut(&mut z, m);
+        for (i, z) in z.iter_mut().enumerate() {
+            *z = innovation(first + i);
             s.set(i, i, variance(first + i));
         }
         let mut v = stage.work.vectors.block_mut(0, 0, m, n)?;
-        let z = &mut z[..m];
         project(stage.p.as_ref(), rows, first, &mut v, &mut s);
         remove(stage.correction, rows, first, z);
         apply(stage.correction, &mut stage.p, &mut v, &mut s, z).map_err(|error| at(error, first))?;
@@ -65,17 +65,15 @@ pub(crate) fn project<T: Real>(
     v: &mut MatMut<'_, T>,
     s: &mut MatMut<'_, T>,
 ) {
-    let m = v.rows();
-    for i in 0..m {
-        let row = v.row_mut(i);
+    for (i, row) in v.iter_mut().enumerate() {
         row.fill(T::ZERO);
         rows.for_each(first + i, &mut |state, coefficient| symmetric::add_row(p, state, coefficient, row));
     }
-    for j in 0..m {
+    for j in 0..v.rows() {
         rows.for_each(first + j, &mut |state, coefficient| {
-            for i in j..m {
-                if let Some(v) = v.get(i, state) {
-                    *s.at_mut(i, j) += coefficient * v;
+            for (s, v) in s.iter_mut().zip(v.iter()).skip(j) {
+                if let (Some(s), Some(&v)) = (s.get_mut(j), v.get(state)) {
+                    *s += coefficient * v;
                 }
             }
         });
@@ -101,8 +99,8 @@ fn apply<T: Real>(
     triangular::forward_rows(s.as_ref(), v)?;
     triangular::forward(s.as_ref(), z)?;
     symmetric::subtract_gram(p, v.as_ref());
-    for (i, &z) in z.iter().enumerate() {
-        axpy(correction, z, v.row(i));
+    for (&z, w) in z.iter().zip(v.iter()) {
+        axpy(correction, z, w);
     }
     Ok(())
 }
