@@ -12,21 +12,47 @@
 //! ```
 //!
 //! independent of the rows before (the Helmert form of whitening R = σ_ref² 11ᵀ + diag(σᵢ²)). The first row defines the
-//! common term and updates nothing. Rows may be left out at will, and no satellite is special.
+//! common term and brings nothing else. Rows may be left out at will, and no satellite is special.
 //!
 //! Cost: O(n) a row besides the update. Panic contract: none.
 
-use super::gaussian::{Gaussian, IndefiniteError};
+use super::update::{Rows, Stage, UpdateError};
+use crate::linalg::dot;
 use crate::real::Real;
 
-/// The running weighted means of the rows that share a common term, and workspace.
+/// The running weighted means of the rows that share a common term.
 #[derive(Clone, Debug)]
 pub struct CommonTerm<T, const N: usize> {
     weight: T,
     measurement: T,
     row: [T; N],
     difference: [T; N],
-    gain: [T; N],
+}
+
+/// A row without the common term: y = h x + e.
+#[derive(Clone, Copy, Debug)]
+pub struct Difference<'a, T> {
+    /// h, a coefficient for each state.
+    pub row: &'a [T],
+    /// y.
+    pub measurement: T,
+    /// Variance of e, independent of the rows before.
+    pub variance: T,
+}
+
+impl<T: Real> Difference<'_, T> {
+    /// Takes it into the update of a density with the given mean.
+    pub fn update(&self, stage: &mut Stage<'_, T>, mean: &[T]) -> Result<(), UpdateError> {
+        stage.independent(self, 0..1, |_| self.measurement - dot(self.row, mean), |_| self.variance)
+    }
+}
+
+impl<T: Real> Rows<T> for Difference<'_, T> {
+    fn for_each(&self, _row: usize, entry: &mut dyn FnMut(usize, T)) {
+        for (state, &coefficient) in self.row.iter().enumerate().filter(|(_, c)| **c != T::ZERO) {
+            entry(state, coefficient);
+        }
+    }
 }
 
 impl<T: Real, const N: usize> Default for CommonTerm<T, N> {
@@ -39,7 +65,7 @@ impl<T: Real, const N: usize> CommonTerm<T, N> {
     /// No rows yet; suits a `static`.
     pub const fn new() -> Self {
         let zero = [T::ZERO; N];
-        Self { weight: T::ZERO, measurement: T::ZERO, row: zero, difference: zero, gain: zero }
+        Self { weight: T::ZERO, measurement: T::ZERO, row: zero, difference: zero }
     }
 
     /// Starts a new common term.
@@ -49,48 +75,43 @@ impl<T: Real, const N: usize> CommonTerm<T, N> {
         self.row.fill(T::ZERO);
     }
 
-    /// Updates `density` with the measurement `y` = h x + c + e, e ~ N(0, `variance`), whose row h has the given
-    /// entries (index, value). Returns the innovation and its variance, or `None` for the first row.
-    pub fn update(
-        &mut self,
-        density: &mut Gaussian<T, N>,
-        entries: &[(usize, T)],
-        y: T,
-        variance: T,
-    ) -> Result<Option<(T, T)>, IndefiniteError> {
+    /// Takes the measurement `y` = h x + c + e, e ~ N(0, `variance`), of a density with `n` states, whose row h has the
+    /// given entries (index, value), and returns what it says of x. The first row says nothing; one that is not finite,
+    /// or whose variance is not positive, is left out.
+    pub fn difference(&mut self, n: usize, entries: &[(usize, T)], y: T, variance: T) -> Option<Difference<'_, T>> {
         if !(variance > T::ZERO && variance.is_finite() && y.is_finite()) {
-            return Err(IndefiniteError);
+            return None;
         }
-        let n = density.dim();
+        let n = n.min(N);
         let weight = T::ONE / variance;
-        let mut outcome = None;
-        if self.weight > T::ZERO {
+        let known = (self.weight > T::ZERO).then(|| {
             let inverse = T::ONE / self.weight;
             for (d, &r) in self.difference[..n].iter_mut().zip(&self.row) {
                 *d = -(r * inverse);
             }
-            for &(i, value) in entries.iter().filter(|(i, _)| *i < n) {
-                self.difference[i] += value;
+            for &(i, value) in entries {
+                if let Some(d) = self.difference[..n].get_mut(i) {
+                    *d += value;
+                }
             }
-            let mut innovation = y - self.measurement * inverse;
-            for (&d, &m) in self.difference[..n].iter().zip(density.mean()) {
-                innovation -= d * m;
+            (y - self.measurement * inverse, variance + inverse)
+        });
+        for &(i, value) in entries {
+            if let Some(r) = self.row[..n].get_mut(i) {
+                *r += value * weight;
             }
-            let s = density.update(&self.difference[..n], innovation, variance + inverse, &mut self.gain)?;
-            outcome = Some((innovation, s));
-        }
-        for &(i, value) in entries.iter().filter(|(i, _)| *i < n) {
-            self.row[i] += value * weight;
         }
         self.measurement += y * weight;
         self.weight += weight;
-        Ok(outcome)
+        known.map(|(measurement, variance)| Difference { row: &self.difference[..n], measurement, variance })
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::filter::gaussian::{Gaussian, UpdateWork};
+    use crate::filter::update::Form;
     use nalgebra::{DMatrix, DVector};
 
     /// The batch update with explicit differences against the first row and their full covariance σ₁² 11ᵀ + diag(σᵢ²)
@@ -109,12 +130,17 @@ mod tests {
         for variance in prior {
             density.push(0.1, variance).unwrap();
         }
-        let mut common = CommonTerm::new();
-        for i in 0..5 {
-            let entries: Vec<(usize, f64)> = (0..4).map(|j| (j, h[(i, j)])).collect();
-            let first = common.update(&mut density, &entries, y[i], variances[i]).unwrap().is_none();
-            assert_eq!(first, i == 0);
-        }
+        let mut common = CommonTerm::<f64, 6>::new();
+        let outcome = density.update(Form::Sequential, &mut UpdateWork::new(), |stage, mean| {
+            for i in 0..5 {
+                let entries: Vec<(usize, f64)> = (0..4).map(|j| (j, h[(i, j)])).collect();
+                let difference = common.difference(4, &entries, y[i], variances[i]);
+                assert_eq!(difference.is_none(), i == 0);
+                difference.map_or(Ok(()), |difference| difference.update(stage, mean))?;
+            }
+            Ok(())
+        });
+        assert_eq!(outcome.unwrap().rows, 4);
 
         let d = DMatrix::from_fn(4, 5, |i, j| if j == 0 { -1.0 } else { f64::from(u8::from(j == i + 1)) });
         let r = &d * DMatrix::from_diagonal(&DVector::from_row_slice(&variances)) * d.transpose();
@@ -135,14 +161,13 @@ mod tests {
     }
 
     #[test]
-    fn a_row_without_a_variance_is_refused_and_changes_nothing() {
-        let mut density = Gaussian::<f64, 2>::new();
-        density.push(1.0, 2.0).unwrap();
-        let mut common = CommonTerm::new();
+    fn a_row_without_a_variance_is_left_out() {
+        let mut common = CommonTerm::<f64, 2>::new();
         for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-            assert_eq!(common.update(&mut density, &[(0, 1.0)], 1.0, bad), Err(IndefiniteError));
+            assert!(common.difference(1, &[(0, 1.0)], 1.0, bad).is_none());
         }
-        assert_eq!(common.update(&mut density, &[(0, 1.0)], 5.0, 1.0), Ok(None));
-        assert_eq!((density.mean()[0], density.covariance(0, 0)), (1.0, 2.0));
+        assert!(common.difference(1, &[(0, 1.0)], 5.0, 1.0).is_none(), "the first row");
+        let difference = common.difference(1, &[(0, 3.0), (7, 1.0)], 6.0, 1.0).unwrap();
+        assert_eq!((difference.row, difference.measurement, difference.variance), (&[2.0][..], 1.0, 2.0));
     }
 }

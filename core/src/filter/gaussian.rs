@@ -10,13 +10,12 @@
 //! | [`Gaussian::inflate`] | a jump of one state: P_ii += V | O(1) |
 //! | [`Gaussian::change_reference`] | unimodular map of differences | O(n·m) |
 //! | [`Gaussian::propagate`] | x ← F x, P ← F P Fᵀ + Q of the kinematic states | O(n) |
-//! | [`Gaussian::update`] | one scalar measurement | O(n²) |
-//!
-//! [`Gaussian::update`] uses P ← P − k kᵀ s, which is safe for priors up to about 1 km against millimetre measurements
-//! in `f64` (relative loss 1e-16 · (σ_prior/σ_measurement)²); wider priors need a square-root form.
+//! | [`Gaussian::update`] | any number of measurement rows, by a [`Form`] | O(n²) a row |
 //!
 //! Panic contract: none; indices beyond the dimension are ignored. Stack: two scalars a loop.
 
+use super::update::{Form, Gauge, Stage, UpdateError, VECTORS, Work};
+use crate::linalg::{MatMut, symmetric};
 use crate::real::Real;
 
 /// No room for another state.
@@ -31,17 +30,27 @@ impl core::fmt::Display for CapacityError {
 
 impl core::error::Error for CapacityError {}
 
-/// The measurement contradicts the density: its predicted variance is not positive and finite.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct IndefiniteError;
+/// Memory for [`Gaussian::update`].
+#[derive(Clone, Debug)]
+pub struct UpdateWork<T, const N: usize> {
+    correction: [T; N],
+    /// Of the covariance before the update.
+    diagonal: [T; N],
+    vectors: [[T; N]; VECTORS],
+}
 
-impl core::fmt::Display for IndefiniteError {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        f.write_str("the innovation variance is not positive and finite")
+impl<T: Real, const N: usize> Default for UpdateWork<T, N> {
+    fn default() -> Self {
+        Self::new()
     }
 }
 
-impl core::error::Error for IndefiniteError {}
+impl<T: Real, const N: usize> UpdateWork<T, N> {
+    /// Suits a `static`.
+    pub const fn new() -> Self {
+        Self { correction: [T::ZERO; N], diagonal: [T::ZERO; N], vectors: [[T::ZERO; N]; VECTORS] }
+    }
+}
 
 /// N(m, P) with up to `N` states.
 #[derive(Clone, Debug)]
@@ -98,6 +107,20 @@ impl<T: Real, const N: usize> Gaussian<T, N> {
     /// Forgets all states.
     pub fn clear(&mut self) {
         self.n = 0;
+    }
+
+    /// Becomes the marginal of the first `n` states of `other`, as many as there is room for.
+    pub fn marginal_of<const M: usize>(&mut self, other: &Gaussian<T, M>, n: usize) {
+        self.n = n.min(N).min(other.dim());
+        let n = self.dim();
+        for (mean, &value) in self.mean[..n].iter_mut().zip(other.mean()) {
+            *mean = value;
+        }
+        for (row, other) in self.covariance[..n].iter_mut().zip(&other.covariance) {
+            for (p, &value) in row[..n].iter_mut().zip(other) {
+                *p = value;
+            }
+        }
     }
 
     /// Birth: appends an independent state and returns its index.
@@ -227,45 +250,38 @@ impl<T: Real, const N: usize> Gaussian<T, N> {
         }
     }
 
-    /// Innovation variance s = h P hᵀ + r of a scalar measurement with row `h` (n entries, more are ignored); writes
-    /// P hᵀ into `gain` as a by-product.
-    fn project(&self, h: &[T], variance: T, gain: &mut [T; N]) -> T {
+    /// Updates the density with the rows that `rows` hands to the [`Stage`], whose innovations are about the mean before
+    /// the update, which it is given. On an error the density is as it was.
+    pub fn update(
+        &mut self,
+        form: Form,
+        work: &mut UpdateWork<T, N>,
+        rows: impl FnOnce(&mut Stage<'_, T>, &[T]) -> Result<(), UpdateError>,
+    ) -> Result<Gauge<T>, UpdateError> {
         let n = self.dim();
-        gain.fill(T::ZERO);
-        for (row, &hj) in self.covariance[..n].iter().zip(h).filter(|(_, hj)| **hj != T::ZERO) {
-            for (g, &p) in gain[..n].iter_mut().zip(row) {
-                *g += p * hj;
+        let UpdateWork { correction, diagonal, vectors } = work;
+        let (correction, diagonal) = (&mut correction[..n], &mut diagonal[..n]);
+        let mut p = MatMut::new(self.covariance.as_flattened_mut(), n, n, N)?;
+        let work = Work {
+            rows: MatMut::new(&mut [], 0, n, n)?,
+            vectors: MatMut::new(vectors.as_flattened_mut(), VECTORS, n, N)?,
+        };
+        correction.fill(T::ZERO);
+        // The stage works on the lower triangle; the upper one and the diagonal are the way back.
+        symmetric::keep_diagonal(p.as_ref(), diagonal);
+        let mean = &mut self.mean[..n];
+        let outcome = Stage::begin(form, correction, p.reborrow(), work).and_then(|mut stage| {
+            rows(&mut stage, mean)?;
+            stage.finish()
+        });
+        match outcome {
+            Ok(_) => {
+                p.mirror_lower();
+                crate::linalg::axpy(mean, T::ONE, correction);
             }
+            Err(_) => symmetric::restore(&mut p, diagonal),
         }
-        let mut s = variance;
-        for (&g, &hi) in gain[..n].iter().zip(h) {
-            s += g * hi;
-        }
-        s
-    }
-
-    /// Update with one scalar measurement y = h x + e, e ~ N(0, `variance`), given its innovation y − h m. `gain` is
-    /// workspace. Returns the innovation variance.
-    pub fn update(&mut self, h: &[T], innovation: T, variance: T, gain: &mut [T; N]) -> Result<T, IndefiniteError> {
-        let s = self.project(h, variance, gain);
-        if !(s > T::ZERO && s.is_finite() && innovation.is_finite()) {
-            return Err(IndefiniteError);
-        }
-        let n = self.dim();
-        let (step, inverse) = (innovation / s, T::ONE / s);
-        for (m, &g) in self.mean[..n].iter_mut().zip(gain.iter()) {
-            *m += g * step;
-        }
-        for i in 0..n {
-            let scaled = gain[i] * inverse;
-            for (p, &g) in self.covariance[i][..=i].iter_mut().zip(gain.iter()) {
-                *p -= scaled * g;
-            }
-            for k in 0..i {
-                self.covariance[k][i] = self.covariance[i][k];
-            }
-        }
-        Ok(s)
+        outcome
     }
 
     /// Whether the mean is finite and every variance positive and finite.
@@ -279,6 +295,7 @@ impl<T: Real, const N: usize> Gaussian<T, N> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::linalg::Mat;
     use nalgebra::{DMatrix, DVector};
     use proptest::prelude::*;
 
@@ -364,12 +381,19 @@ mod tests {
             let before = density(6, &seed);
             let h = DVector::from_fn(6, |i, _| if i == 2 { 0.0 } else { seed[i] });
             let (m, p) = dense(&before);
-            let (mut after, mut gain) = (before.clone(), [0.0; 12]);
-            let s = after.update(h.as_slice(), y, 0.3, &mut gain).unwrap();
-            let expected = (h.transpose() * &p * &h)[0] + 0.3;
-            prop_assert!((s - expected).abs() < 1e-12 * expected);
+            let s = (h.transpose() * &p * &h)[0] + 0.3;
             let k = &p * &h / s;
-            assert_close(&after, (m + &k * y, p - &k * s * k.transpose()));
+            let innovation = y - (h.transpose() * &m)[0];
+            let expected = (m + &k * innovation, p - &k * s * k.transpose());
+            let row = Mat::new(h.as_slice(), 1, 6, 6).unwrap();
+            for form in [Form::Sequential, Form::Joseph, Form::Array] {
+                let mut after = before.clone();
+                let gauge = after.update(form, &mut UpdateWork::new(), |stage, _| {
+                    stage.independent(&row, 0..1, |_| innovation, |_| 0.3)
+                });
+                prop_assert!((gauge.unwrap().normalized_innovation_squared * s / innovation.powi(2) - 1.0).abs() < 1e-9);
+                assert_close(&after, expected.clone());
+            }
         }
     }
 
@@ -384,7 +408,12 @@ mod tests {
         density.change_reference(2, &[0, 1]);
         density.propagate(1, &[[1.0; 3]; 3], &[[[1.0; 3]; 3]; 3]);
         assert_eq!((density.mean(), density.row(1)), (before.mean(), before.row(1)));
-        assert_eq!(density.update(&[1.0, 0.0], f64::NAN, 1.0, &mut [0.0; 2]), Err(IndefiniteError));
+        let row = [1.0, 0.0];
+        let outcome = density.update(Form::Sequential, &mut UpdateWork::new(), |stage, _| {
+            stage.independent(&Mat::new(&row, 1, 2, 2)?, 0..1, |_| f64::NAN, |_| 1.0)
+        });
+        assert!(outcome.is_err());
+        assert_eq!((density.mean(), density.row(1)), (before.mean(), before.row(1)));
         assert!(density.is_sound());
     }
 }

@@ -1,6 +1,9 @@
 //! What an [`RtkFilter`](super::RtkFilter) can be told. The defaults are meant to be right for every case; only the
 //! band plan has to follow the receivers.
 
+use crate::filter::linearize::Rule;
+use crate::filter::mixed_integer::{Detector, Output};
+use crate::filter::update::Form;
 use crate::gnss::satellite::Constellation;
 use crate::model::motion::Motion;
 use crate::model::noise::Noise;
@@ -129,6 +132,51 @@ impl Default for Screening {
     }
 }
 
+/// The choices that Greiff 2021 leaves open, as [`crate::filter::mixed_integer::Options`] has them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default, deny_unknown_fields))]
+pub struct Estimation {
+    /// How ranges are linearised in the position.
+    pub rule: Rule,
+    /// How rows update a density.
+    pub form: Form,
+    /// How slips are found that neither receiver, gap, Doppler nor a second band shows.
+    pub detector: Detector,
+    /// d, the slip estimate of [`Detector::Projection`] beyond which an ambiguity is taken to have jumped `[cycles]`.
+    pub threshold: f64,
+    /// What a fixed solution is.
+    pub output: Output,
+}
+
+impl Estimation {
+    /// The default, for a `static`, chosen on real drives:
+    ///
+    /// | car, 1416 epochs at 1 Hz, one band | fixed | wrong | rms 3-D |
+    /// |---|---|---|---|
+    /// | weighted, conditional (the default) | 98.94 % | 0 | 1.15 cm |
+    /// | weighted, dual density | 98.94 % | 0 | 1.13 cm |
+    /// | projection, conditional | 51.73 % | 0 | 1.21 cm |
+    /// | projection, dual density | 51.73 % | 0 | 1.22 cm |
+    ///
+    /// The projection ignores that a car's position is predicted to a metre, and reopens what did not slip. The dual
+    /// density is a little better where all integers are right, but remembers those that were not: on a van among trees
+    /// (one band) 0.91 % of its fixed epochs are wrong instead of 0.18 %. Gauss–Hermite changes no figure of this
+    /// table and costs 27 ranges a satellite.
+    pub const DEFAULT: Self = Self {
+        rule: Rule::Taylor,
+        form: Form::Sequential,
+        detector: Detector::Weighted,
+        threshold: 1.0,
+        output: Output::ConditionalFix,
+    };
+}
+
+impl Default for Estimation {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}
+
 /// Configuration of an [`RtkFilter`](super::RtkFilter).
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default, deny_unknown_fields))]
@@ -159,6 +207,8 @@ pub struct RtkConfig {
     pub acceptance: Acceptance,
     /// Slips and outliers.
     pub screening: Screening,
+    /// Linearisation, slip detector, constrained density.
+    pub estimation: Estimation,
 }
 
 impl RtkConfig {
@@ -177,6 +227,7 @@ impl RtkConfig {
         max_age: 30.0,
         acceptance: Acceptance::DEFAULT,
         screening: Screening::DEFAULT,
+        estimation: Estimation::DEFAULT,
     };
 }
 

@@ -11,7 +11,7 @@ use crate::log::{Event, Header, Input, Station};
 use nalgebra::Vector3;
 
 /// Schema number of an [`RtkConfig`] in a device log.
-pub const CONFIG_SCHEMA: u16 = 1;
+pub const CONFIG_SCHEMA: u16 = 2;
 
 impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
     /// Takes one record of a device log. A rover epoch is answered by a solution.

@@ -3,10 +3,12 @@
 //! The integer vector ň minimises (n̂ − n)ᵀ Q⁻¹ (n̂ − n) over the candidates; it is accepted if the bootstrapped success
 //! rate *and* the ratio of the two best norms reach their thresholds ([`super::config::Acceptance`]). If the whole set
 //! is not accepted, the weakest satellites are taken out one after the other, and the first set that is accepted is
-//! used (partial fixing). The constrained density is the relaxed one given the accepted integers, and only those.
+//! used (partial fixing). The constrained density is the relaxed one given the accepted integers, and only those; or, by
+//! [`Output::DualDensity`], one that lives on ([`super::constrained`]).
 
 use super::RtkFilter;
 use super::channel::{Channel, GROUPS};
+use crate::filter::mixed_integer::Output;
 use crate::gnss::solution::{Quality, Reason, Solution};
 use crate::gnss::time::GpsTime;
 use crate::integer::condition::condition_on_integers;
@@ -69,6 +71,7 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
             let keep = self.integers.candidates.len() - (self.integers.candidates.len() / 8).max(1);
             self.integers.candidates.truncate(keep);
         }
+        self.constrained.end();
         for channel in self.channels.as_mut_slice() {
             channel.fixed = None;
         }
@@ -223,14 +226,46 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
             solution.velocity_covariance = Matrix3::from_fn(|i, j| covariance[3 + i][3 + j]);
         }
         solution.ambiguities_fixed = m.min(255) as u8;
-        for channel in self.channels.as_mut_slice() {
-            channel.fixed = channel.state.is_none().then_some(0.0);
-        }
-        for (&i, &value) in work.candidates.iter().zip(&work.values) {
-            if let Some(channel) = self.channels.as_mut_slice().get_mut(usize::from(i)) {
-                channel.fixed = Some(value);
+        let revised = self.remember_integers();
+        if self.config.estimation.output == Output::DualDensity {
+            if revised {
+                self.constrained.end();
             }
+            self.report_constrained(solution);
         }
         true
+    }
+
+    /// Notes the accepted integers; true if one of them is another one than before.
+    fn remember_integers(&mut self) -> bool {
+        let (channels, work) = (self.channels.as_mut_slice(), &self.integers);
+        let accepted = || work.candidates.iter().map(|&i| usize::from(i)).zip(&work.values);
+        let differs =
+            |(i, &n): (usize, &f64)| channels.get(i).and_then(|channel| channel.fixed).is_some_and(|m| m != n);
+        let revised = accepted().any(differs);
+        for channel in channels.iter_mut() {
+            channel.fixed = channel.state.is_none().then_some(0.0);
+        }
+        for (i, &n) in accepted() {
+            if let Some(channel) = channels.get_mut(i) {
+                channel.fixed = Some(n);
+            }
+        }
+        revised
+    }
+
+    /// Brings the constrained density to this epoch and reports it.
+    fn report_constrained(&mut self, solution: &mut Solution) {
+        let form = self.config.estimation.form;
+        let Some(density) = self.constrained.update(form, &self.links, &self.channels).filter(|d| d.is_sound()) else {
+            // The conditional density of this epoch stays in the solution.
+            return self.constrained.end();
+        };
+        solution.position_covariance = Matrix3::from_fn(|i, j| density.covariance(i, j));
+        if density.dim() > 3 {
+            solution.velocity = Vector3::from_fn(|i, _| density.mean().get(3 + i).copied().unwrap_or(0.0));
+            solution.velocity_covariance = Matrix3::from_fn(|i, j| density.covariance(3 + i, 3 + j));
+        }
+        solution.position = self.constrained.position();
     }
 }

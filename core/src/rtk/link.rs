@@ -49,8 +49,10 @@ pub(super) struct Link {
     pub slot: usize,
     pub signals: [Signal; 2],
     pub wavelength: f64,
-    /// Unit vector from rover to satellite, ECEF.
+    /// Unit vector from rover to satellite, ECEF (or the negative mean slope of the range, see [`super::range`]).
     pub direction: Vector3<f64>,
+    /// Geometric range from the rover `[m]`.
+    pub range: f64,
     pub sin_elevation: f64,
     /// Code residual `[m]`.
     pub code: Option<f64>,
@@ -137,6 +139,8 @@ pub(super) struct Sight {
     /// Unit vector from station to satellite, ECEF of reception.
     pub direction: Vector3<f64>,
     pub sin_elevation: f64,
+    /// Geometric range `[m]`.
+    pub range: f64,
     /// Computed range ρ − c·dtˢ + T `[m]`.
     pub computed: f64,
     /// Computed range rate for a station at rest, e·vˢ − c·ḋtˢ `[m/s]`.
@@ -174,6 +178,7 @@ impl Station {
         let troposphere = Mapping::Niell.slant(self.zenith, self.day_of_year, &self.geodetic, elevation)?;
         Some(Sight {
             direction: line.direction,
+            range: line.range,
             sin_elevation,
             computed: line.range - SPEED_OF_LIGHT * state.clock + troposphere,
             computed_rate: line.direction.dot(&line.rotate(&state.velocity)) - SPEED_OF_LIGHT * state.clock_drift,

@@ -24,11 +24,14 @@
 
 mod channel;
 pub mod config;
+mod constrained;
 #[cfg(feature = "log")]
 pub mod feed;
 mod fix;
 mod link;
 pub mod preset;
+mod range;
+mod rows;
 #[cfg(test)]
 mod sky;
 #[cfg(test)]
@@ -38,22 +41,24 @@ mod track;
 pub use config::RtkConfig;
 
 use crate::filter::common_term::CommonTerm;
-use crate::filter::gaussian::Gaussian;
+use crate::filter::gaussian::{Gaussian, UpdateWork};
 use crate::filter::screen::Row;
 use crate::gnss::atmosphere::Klobuchar;
 use crate::gnss::ephemeris::Ephemeris;
 use crate::gnss::epoch::{EpochView, Observation};
 use crate::gnss::orbit::store::{EphemerisStore, SelectionRule};
-use crate::gnss::satellite::{Constellation, SatelliteId, SatelliteSet};
+use crate::gnss::satellite::{Constellation, SatelliteId};
 use crate::gnss::signal::Signal;
 use crate::gnss::solution::{Quality, Reason, Solution};
 use crate::gnss::time::GpsTime;
 use crate::spp::rows::Rows;
 use crate::spp::{self, SinglePoint, single_point};
 use channel::{Channels, GROUPS};
+use constrained::Constrained;
 use heapless::Vec;
 use link::{Carrier, Link, Sight, Station, select};
 use nalgebra::{Matrix3, Vector3};
+use rows::KinematicRow;
 
 /// Beyond this standard deviation of the predicted position `[m]` it is taken from the single point.
 const LOST_POSITION: f64 = 30.0;
@@ -115,8 +120,10 @@ pub struct RtkFilter<const C: usize, const N: usize, const E: usize> {
     links: Vec<Link, C>,
     rows: Vec<Row, C>,
     common: CommonTerm<f64, N>,
+    update_work: UpdateWork<f64, N>,
     spp_rows: Rows<C>,
     integers: fix::Integers<C>,
+    constrained: Constrained,
     /// Variance factors of codes and phases against their configured noise.
     code_factor: track::VarianceFactor,
     phase_factor: track::VarianceFactor,
@@ -151,8 +158,10 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
             links: Vec::new(),
             rows: Vec::new(),
             common: CommonTerm::new(),
+            update_work: UpdateWork::new(),
             spp_rows: Rows::new(),
             integers: fix::Integers::new(),
+            constrained: Constrained::new(),
             code_factor: track::VarianceFactor::NOMINAL,
             phase_factor: track::VarianceFactor::NOMINAL,
             codes: Vec::new(),
@@ -228,6 +237,7 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
         if !self.predict(epoch.time, single) {
             return code_solution(epoch.time, single, Reason::PositionFailed);
         }
+        self.constrained.prepare(&self.density, self.position, self.config.motion.states());
         self.build_links(epoch.time);
         if self.links.iter().filter(|link| link.code.is_some() || link.phase.is_some()).count() < 4 {
             self.forget_position();
@@ -242,10 +252,10 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
         }
         self.track(epoch.time, &mut solution);
         self.screen_doppler();
-        self.update();
+        let updated = self.update();
         self.absorb_position();
         self.time = Some(epoch.time);
-        if !self.is_sound(single) {
+        if !updated || !self.is_sound(single) {
             self.restart();
             return code_solution(epoch.time, single, Reason::Restarted);
         }
@@ -261,12 +271,14 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
         self.channels.clear();
         self.codes.clear();
         self.contradicted_since = None;
+        self.constrained.end();
     }
 
     /// Without enough satellites the motion model alone would carry the position: let the next epoch start it anew.
     fn forget_position(&mut self) {
         if self.time.is_some() {
             self.density.inflate(0, NEW_POSITION * NEW_POSITION);
+            self.constrained.end();
         }
     }
 
@@ -289,7 +301,9 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
             Some(before) => {
                 let h = time.since(before);
                 let noise = motion.process_noise(h, self.config.motion_noise);
-                self.density.propagate(motion.order(), &motion.transition(h), &[noise; 3]);
+                let transition = motion.transition(h);
+                self.density.propagate(motion.order(), &transition, &[noise; 3]);
+                self.constrained.propagate(motion.order(), &transition, &noise);
                 self.absorb_position();
                 // Noisy phases drift more as well: multipath and foliage.
                 let sigma_stay = self.config.screening.sigma_stay;
@@ -401,6 +415,7 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
                 signals: [rover.signal, base.signal],
                 wavelength,
                 direction: rover_sight.direction,
+                range: rover_sight.range,
                 sin_elevation: sine,
                 code: rover.code.zip(base.code).map(|(r, b)| r - b - computed).filter(|x| x.is_finite()),
                 code_variance: fdma * (of(rover, &self.config.code) + of(base, &self.config.code)) + common,
@@ -432,52 +447,40 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
             let _ = self.links.push(link);
         }
         drop_misplaced(&mut self.links);
+        let covariance = Matrix3::from_fn(|i, j| self.density.covariance(i, j));
+        range::relinearize(&mut self.links, self.config.estimation.rule, &covariance);
         // The best first: the first row of a group defines its common term.
         self.links.sort_unstable_by(|a, b| b.sin_elevation.total_cmp(&a.sin_elevation).then(a.slot.cmp(&b.slot)));
     }
 
-    /// Updates the relaxed density with all that was not rejected: Doppler, phase, code.
-    fn update(&mut self) {
-        if self.config.motion.order() > 1 {
-            self.common.reset();
-            let mut done = SatelliteSet::EMPTY;
-            for link in &self.links {
-                let Some(rate) = link.doppler.filter(|_| done.insert(link.satellite)) else { continue };
-                let e = link.direction;
-                let entries = [(3, -e.x), (4, -e.y), (5, -e.z)];
-                // A row that the density cannot take is left out; its variance was computed, so this is not expected.
-                let _ = self.common.update(&mut self.density, &entries, rate, link.doppler_variance);
+    /// Updates the relaxed density with all that was not rejected: Doppler, phase, code. False if it cannot take them.
+    fn update(&mut self) -> bool {
+        let Self { density, common, links, channels, update_work, config, .. } = self;
+        let (n, with_velocity) = (density.dim(), config.motion.order() > 1);
+        let outcome = density.update(config.estimation.form, update_work, |stage, mean| {
+            let mut take = |common: &mut CommonTerm<f64, N>, row: KinematicRow, ambiguity: Option<(usize, f64)>| {
+                let [x, y, z] = row.entries;
+                let entries = [x, y, z, ambiguity.unwrap_or((n, 0.0))];
+                let difference = common.difference(n, &entries, row.value, row.variance);
+                difference.map_or(Ok(()), |difference| difference.update(stage, mean))
+            };
+            common.reset();
+            for row in rows::doppler(links).filter(|_| with_velocity) {
+                take(common, row, None)?;
             }
-        }
-        for group in 0..GROUPS {
-            self.common.reset();
-            for link in self.links.iter().filter(|link| !link.phase_rejected) {
-                let Some(channel) = link.channel.and_then(|i| self.channels.as_slice().get(i)) else { continue };
-                let (Some(phase), true) = (link.phase, channel.group() == group) else { continue };
-                let e = link.direction;
-                let y = phase - channel.wavelength * channel.offset;
-                let position = [(0, -e.x), (1, -e.y), (2, -e.z)];
-                let _ = match channel.state {
-                    Some(state) => {
-                        let [x, y_, z] = position;
-                        let entries = [x, y_, z, (state, -channel.unit())];
-                        self.common.update(&mut self.density, &entries, y, link.phase_variance)
-                    }
-                    None => self.common.update(&mut self.density, &position, y, link.phase_variance),
-                };
+            for group in 0..GROUPS {
+                common.reset();
+                for (row, channel) in rows::phase(links, channels.as_slice(), group) {
+                    take(common, row, channel.state.map(|state| (state, -channel.unit())))?;
+                }
+                common.reset();
+                for row in rows::code(links, group) {
+                    take(common, row, None)?;
+                }
             }
-            self.common.reset();
-            for link in self.links.iter().filter(|link| !link.code_rejected) {
-                let (Some(code), true) =
-                    (link.code, channel::group(link.satellite.constellation(), link.slot) == group)
-                else {
-                    continue;
-                };
-                let e = link.direction;
-                let entries = [(0, -e.x), (1, -e.y), (2, -e.z)];
-                let _ = self.common.update(&mut self.density, &entries, code, link.code_variance);
-            }
-        }
+            Ok(())
+        });
+        outcome.is_ok()
     }
 
     /// Whether the density is still one, and agrees with the single point.

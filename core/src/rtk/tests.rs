@@ -1,8 +1,11 @@
 //! The engine as a whole, on a simulated sky.
 
+use super::config::Estimation;
 use super::preset::Rtk32;
 use super::sky::{BASE, ROVER, Sky, start};
 use super::*;
+use crate::filter::linearize::Rule;
+use crate::filter::mixed_integer::{Detector, Output};
 use crate::gnss::geodesy::Geodetic;
 use crate::gnss::satellite::SatelliteId;
 use crate::model::motion::Motion;
@@ -110,6 +113,52 @@ fn a_moving_rover_is_fixed_on_one_band() {
         }
     }
     assert!(fixed > 45, "{fixed}");
+}
+
+/// The choices of `Estimation` other than the default: a drive with a slip is fixed and right by each.
+#[test]
+fn every_linearisation_and_output_gives_a_right_fix() {
+    let points = [Rule::Cubature, Rule::GaussHermite { order: 3 }];
+    for (rule, output) in
+        points.map(|rule| (rule, Output::DualDensity)).into_iter().chain([(points[1], Output::ConditionalFix)])
+    {
+        let estimation = Estimation { rule, output, ..Estimation::DEFAULT };
+        let mut drive = Drive::new(100.0, RtkConfig { estimation, ..RtkConfig::DEFAULT }, &["1C", "2W"]);
+        drive.epochs(0..30);
+        let satellite = drive.in_view(30.0)[1];
+        drive.sky.slips.insert((ROVER, satellite), 3.0);
+        for second in 30..60 {
+            let (solution, error) = drive.epoch(f64::from(second));
+            assert!(is_fixed(&solution) && error < 0.03, "{rule:?} {output:?} {second}: {:?} {error}", solution.reason);
+            let (_, velocity) = drive.truth(f64::from(second));
+            assert!((solution.velocity - velocity).norm() < 0.5, "{rule:?} {output:?} {second}");
+        }
+    }
+}
+
+/// A rover at rest averages its fixed epochs in the dual density, and not in the conditional one.
+#[test]
+fn the_dual_density_remembers() {
+    let spread = |output| {
+        let estimation = Estimation { output, ..Estimation::DEFAULT };
+        let config = RtkConfig { estimation, motion: Motion::Static, ..RtkConfig::DEFAULT };
+        let mut drive = Drive::new(0.0, config, &["1C", "2W"]);
+        drive.epochs(0..60).0.position_covariance.trace().sqrt()
+    };
+    let (dual, conditional) = (spread(Output::DualDensity), spread(Output::ConditionalFix));
+    assert!(dual < 0.8 * conditional, "{dual} {conditional}");
+}
+
+/// The paper's detector knows a slip by its size in cycles alone: it finds one, and takes a jump of the rover for many.
+#[test]
+fn the_projection_finds_slips_of_a_rover_at_rest() {
+    let estimation = Estimation { detector: Detector::Projection, ..Estimation::DEFAULT };
+    let mut drive = Drive::new(0.0, RtkConfig { estimation, ..RtkConfig::DEFAULT }, &["1C"]);
+    drive.epochs(0..60);
+    let satellite = drive.in_view(60.0)[2];
+    drive.sky.slips.insert((ROVER, satellite), 5.0);
+    let (solution, _) = drive.epoch(60.0);
+    assert_eq!(solution.satellites_slipped.iter().collect::<Vec<_>>(), [satellite]);
 }
 
 #[test]

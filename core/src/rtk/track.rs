@@ -9,6 +9,7 @@
 use super::channel::{Channel, GROUPS};
 use super::link::Link;
 use super::{CODE_BIAS, CONTRADICTED, DISAGREEMENT, RtkFilter};
+use crate::filter::mixed_integer::Detector;
 use crate::filter::screen::{Row, Screened, screen};
 use crate::gnss::satellite::SatelliteId;
 use crate::gnss::solution::Solution;
@@ -190,10 +191,17 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
             // Capacity is that of the links.
             let _ = self.rows.push(row);
         }
+        let detector = self.config.estimation.detector;
+        if detector == Detector::Projection {
+            self.project_slips();
+        }
         let examined = self.rows.iter().filter(|row| !row.excluded).count();
         let information = self.information(0);
         let outcome = screen(&mut self.rows, &information, self.config.screening.outlier);
         self.phase_factor.learn(outcome);
+        if detector != Detector::Weighted {
+            return;
+        }
         // If most contradict each other there is no telling who is right.
         let hopeless = 2 * outcome.outliers > examined;
         for (link, row) in self.links.iter_mut().zip(&self.rows).filter(|(_, row)| row.error != 0.0 || hopeless) {
@@ -202,6 +210,26 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
             } else {
                 link.phase_rejected = true;
                 solution.satellites_rejected.insert(link.satellite);
+            }
+        }
+    }
+
+    /// The paper's detector: δn is the innovation of a double difference in cycles, whatever its predicted covariance
+    /// (Greiff 2021, eq. 31).
+    fn project_slips(&mut self) {
+        let channels = self.channels.as_slice();
+        for group in 0..GROUPS {
+            let of_group = |(_, row): &(&Link, &Row)| !row.excluded && row.group == group;
+            let is_reference = |(link, _): &(&Link, &Row)| {
+                link.channel.and_then(|i| channels.get(i)).is_some_and(|channel| channel.state.is_none())
+            };
+            let reference = self.links.iter().zip(&self.rows).filter(of_group).find(is_reference);
+            let Some(reference) = reference.map(|(_, row)| row.innovation) else { continue };
+            for (link, row) in
+                self.links.iter_mut().zip(&self.rows).filter(|(_, row)| !row.excluded && row.group == group)
+            {
+                let jump = (reference - row.innovation) / link.wavelength;
+                link.slipped |= libm::fabs(jump) > self.config.estimation.threshold;
             }
         }
     }

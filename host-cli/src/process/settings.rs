@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use surefix_core::gnss::satellite::Constellation;
 use surefix_core::model::motion::Motion;
 use surefix_core::rtk::RtkConfig;
-use surefix_core::rtk::config::{BandPlan, MAX_BANDS};
+use surefix_core::rtk::config::{BandPlan, Estimation, MAX_BANDS};
 
 /// Settings of a run, in the units of their names.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -35,6 +35,8 @@ pub struct Settings {
     pub code_sigma_m: f64,
     /// Standard deviation of a carrier phase at the zenith, per receiver `[m]`.
     pub phase_sigma_m: f64,
+    /// Linearisation, slip detector and kind of fixed solution, for comparisons: the defaults are the best.
+    pub estimation: Estimation,
 }
 
 impl Default for Settings {
@@ -52,6 +54,7 @@ impl Default for Settings {
             fix_elevation_mask_deg: degrees(config.acceptance.elevation_mask),
             code_sigma_m: zenith(config.code.constant, config.code.elevation),
             phase_sigma_m: zenith(config.phase.constant, config.phase.elevation),
+            estimation: config.estimation,
         }
     }
 }
@@ -118,6 +121,7 @@ impl Settings {
             elevation_mask: angle("elevation_mask_deg", self.elevation_mask_deg)?.to_radians(),
             cn0_mask: self.cn0_mask_dbhz,
             max_age: positive("max_age_s", self.max_age_s)?,
+            estimation: self.estimation,
             ..RtkConfig::default()
         };
         let rate = self.fix_success_rate;
