@@ -36,6 +36,12 @@ fn success_rates() {
     passes("vectors/milrkf/success_rates.json");
 }
 
+/// All bounds of Wang et al. (2022), table 1 as corrected, with simulated rates.
+#[test]
+fn success_bounds() {
+    passes("vectors/iavakf/success_rates.json");
+}
+
 #[test]
 fn kalman_updates() {
     passes("vectors/milrkf/kf_update.json");
