@@ -3,6 +3,7 @@
 //! Arrows: [`cli`] → everything; readers → core types; processing → core; writers → results. Readers and writers do not
 //! know each other.
 
+pub mod ambiguity;
 pub mod cli;
 pub mod compare;
 pub mod log;

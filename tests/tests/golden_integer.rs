@@ -35,3 +35,9 @@ fn bootstrapping() {
 fn success_rates() {
     passes("vectors/milrkf/success_rates.json");
 }
+
+/// All bounds of Wang et al. (2022), table 1 as corrected, with simulated rates.
+#[test]
+fn success_bounds() {
+    passes("vectors/iavakf/success_rates.json");
+}

@@ -11,9 +11,10 @@
 //! | module | holds |
 //! |---|---|
 //! | [`decorrelate`] | the Z-transform (LAMBDA reduction) |
+//! | [`rounding`] | each ambiguity by itself |
 //! | [`bootstrap`] | sequential conditional rounding |
 //! | [`search`] | the k nearest integer vectors, bounded by a node budget |
-//! | [`success_rate`] | exact bootstrapped success rate, ADOP, bounds for rounding and integer least squares |
+//! | [`success_rate`] | success rate of bootstrapping, ADOP, bounds for rounding and integer least squares |
 //! | [`accept`] | ratio, difference and success-rate tests |
 //! | [`failure_rate`] | the ratio threshold that keeps a tolerated failure rate |
 //! | [`partial`] | fixing a subset |
@@ -33,6 +34,7 @@ mod error;
 pub mod failure_rate;
 pub mod partial;
 pub mod resolve;
+pub mod rounding;
 pub mod search;
 pub mod success_rate;
 

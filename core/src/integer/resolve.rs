@@ -16,6 +16,12 @@ use crate::real::Real;
 /// Q may differ from Qᵀ by this fraction of √(q_ii q_jj): it may come from a text file.
 const MAX_ASYMMETRY: f64 = 1e-3;
 
+/// Ambiguities from here on are refused `[cycles]`: on L1 these are 190 000 km, farther than any satellite is.
+const MAX_AMBIGUITY: f64 = 1e9;
+
+/// Ambiguities that the scalar rounds by more than this are refused `[cycles]`: of 1e6 cycles an `f32` knows no fraction.
+const MAX_ROUNDING: f64 = 0.01;
+
 /// How far to search.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Config {
@@ -169,7 +175,11 @@ impl<T: Real> Work<'_, T> {
         if !a.iter().chain(q.iter().flatten()).all(|x| x.is_finite()) {
             return Err(IntegerError::NotFinite);
         }
+        let limit = MAX_AMBIGUITY.min(MAX_ROUNDING / T::EPSILON.to_f64());
         for (&a, (base, fraction)) in a.iter().zip(self.base.iter_mut().zip(self.fraction.iter_mut())) {
+            if a.abs().to_f64() >= limit {
+                return Err(IntegerError::Overflow);
+            }
             let integer = a.round();
             *base = to_integer(integer)?;
             *fraction = a - integer;
@@ -268,7 +278,7 @@ fn resolve_in<'w, T: Real>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::linalg::spd;
+    use crate::linalg::{ldl, spd};
     use proptest::prelude::*;
 
     fn solve<const N: usize>(a: &[f64], q: &[f64], budget: u32, workspace: &mut Workspace<f64, N>) -> (Vec<i64>, f64) {
@@ -324,7 +334,12 @@ mod tests {
         assert_eq!(refuse(&[0.0; 3], &[0.0; 9]), IntegerError::Capacity);
         assert_eq!(refuse(&[f64::NAN, 0.0], &one), IntegerError::NotFinite);
         assert_eq!(refuse(&[f64::INFINITY, 0.0], &one), IntegerError::NotFinite);
-        assert_eq!(refuse(&[1e300, 0.0], &one), IntegerError::Overflow);
+        for large in [1e300, 1e9, -1e9] {
+            assert_eq!(refuse(&[large, 0.0], &one), IntegerError::Overflow);
+        }
+        let mut small = Workspace::<f32, 1>::new();
+        let single = resolve(&[1e6], Mat::square(&[1.0], 1).unwrap(), &Config::default(), &mut small);
+        assert_eq!(single.map(|_| ()), Err(IntegerError::Overflow));
         assert_eq!(refuse(&[0.0, 0.0], &[1.0, f64::NAN, 0.0, 1.0]), IntegerError::NotFinite);
         assert_eq!(refuse(&[0.0, 0.0], &[1.0, 0.5, 0.1, 1.0]), IntegerError::Asymmetric { row: 1 });
         assert_eq!(refuse(&[0.0, 0.0], &[1.0, 0.0, 0.0, 0.0]), IntegerError::NotPositiveDefinite { pivot: 1 });
@@ -339,6 +354,19 @@ mod tests {
     #[test]
     fn the_workspace_is_as_large_as_documented() {
         assert_eq!(size_of::<Workspace<f64, 24>>(), 8 * (3 * 24 * 24 + 13 * 24));
+    }
+
+    /// A refusal leaves nothing behind: the next call answers as the first one would have.
+    #[test]
+    fn a_refusal_leaves_nothing_behind() {
+        let mut workspace = Workspace::<f64, 3>::new();
+        let expected = solve(&[5.45, 3.10, 2.97], &TEXTBOOK, 100, &mut workspace);
+        let mut singular = TEXTBOOK;
+        singular[8] = 0.0;
+        for (a, q) in [([1e9, 0.0, 0.0], TEXTBOOK), ([0.0, 0.0, f64::NAN], TEXTBOOK), ([0.0; 3], singular)] {
+            assert!(resolve(&a, Mat::square(&q, 3).unwrap(), &Config::default(), &mut workspace).is_err());
+            assert_eq!(solve(&[5.45, 3.10, 2.97], &TEXTBOOK, 100, &mut workspace), expected);
+        }
     }
 
     /// Rounding in a text file makes Q asymmetric in its last digit; that is accepted.
@@ -384,6 +412,37 @@ mod tests {
             prop_assert_eq!(best, expected);
         }
 
+        /// The answer is that of a search without decorrelation, which [`search`] proves against brute force.
+        #[test]
+        fn decorrelation_does_not_change_the_answer(
+            (n, q) in spd::matrix(1..5usize),
+            a in proptest::collection::vec(-20.0..20.0f64, 4),
+        ) {
+            let a = &a[..n];
+            let largest = (0..n).map(|i| q[i * (n + 1)]).fold(0.0, f64::max);
+            let q: Vec<f64> = q.iter().map(|q| q / largest).collect();
+            let mut workspace = Workspace::<f64, 4>::new();
+            let view = Mat::square(&q, n).unwrap();
+            let found = resolve(a, view, &Config { budget: u32::MAX }, &mut workspace).unwrap();
+
+            let (mut u, mut d) = (q.clone(), vec![0.0; n]);
+            let mut factor = MatMut::square(&mut u, n).unwrap();
+            ldl::factor_ltdl(&mut factor, &mut d).unwrap();
+            factor.transpose();
+            let (mut candidates, mut norms) = (vec![0; 2 * n], [0.0; 2]);
+            let (mut levels, mut residual) = (vec![Level::ZERO; n], vec![0.0; n]);
+            let mut nearest = MatMut::new(&mut candidates, 2, n, n).unwrap();
+            let (factor, levels) = (factor.as_ref(), &mut levels[..]);
+            search::search(a, factor, &d, u32::MAX, &mut nearest, &mut norms, levels, &mut residual).unwrap();
+            for (norm, expected) in [(found.best_norm, norms[0]), (found.second_norm, norms[1])] {
+                prop_assert!((norm - expected).abs() <= 1e-7 * expected.max(1e-9), "{norm} {expected}");
+            }
+            // Candidates that are equally near may come in either order.
+            if norms[1] > norms[0] * (1.0 + 1e-6) {
+                prop_assert_eq!(found.best, nearest.row(0));
+            }
+        }
+
         /// A million cycles more change nothing but the integers.
         #[test]
         fn whole_cycles_do_not_matter(
@@ -413,6 +472,7 @@ mod tests {
             let found = resolve(&bits[..3], Mat::square(&q, 3).unwrap(), &Config { budget }, &mut workspace);
             if let Ok(found) = found {
                 prop_assert!(found.nodes <= budget);
+                prop_assert!((0.0..=1.0).contains(&found.success_rate.success) && found.ratio >= 1.0);
             }
         }
 
@@ -433,7 +493,10 @@ mod tests {
             let mut workspace = Workspace::<f64, 6>::new();
             let found = resolve(&a, Mat::square(&q, 6).unwrap(), &Config::default(), &mut workspace);
             match found {
-                Ok(found) => prop_assert!(found.nodes <= 100_000 && found.best_norm >= 0.0),
+                Ok(found) => {
+                    prop_assert!(found.nodes <= 100_000 && found.best_norm >= 0.0);
+                    prop_assert!((0.0..=1.0).contains(&found.success_rate.success) && found.ratio >= 1.0);
+                }
                 Err(IntegerError::NotPositiveDefinite { .. } | IntegerError::Overflow | IntegerError::NotFinite) => {}
                 Err(error) => prop_assert!(false, "{error}"),
             }

@@ -10,6 +10,7 @@
 //! | [`view`] | matrix views |
 //! | [`cholesky`] | A = L Lᵀ and its solves |
 //! | [`ldl`] | A = L D Lᵀ, and Q = Lᵀ D L as integer estimation wants it |
+//! | [`eigen`] | eigenvalues of a symmetric matrix |
 //! | [`triangular`] | forward and back substitution, inverse |
 //! | [`sequential`] | Kalman update by one scalar measurement, plain and Joseph |
 //! | [`block`] | Kalman update by several correlated measurements, whitening |
@@ -23,6 +24,7 @@
 
 pub mod block;
 pub mod cholesky;
+pub mod eigen;
 mod error;
 pub mod ldl;
 pub mod projection;

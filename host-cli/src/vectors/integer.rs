@@ -188,6 +188,101 @@ pub mod bootstrapping {
     }
 }
 
+/// All bounds of the success rate, with simulated rates.
+pub mod success_bounds {
+    use super::*;
+    use crate::ambiguity::monte_carlo::MonteCarlo;
+    use surefix_core::linalg::eigen::eigenvalues;
+
+    /// Whether a file is of this kind.
+    pub fn recognises(root: &Value) -> bool {
+        first_case_has(root, "ils_slab_upper")
+    }
+
+    /// Runs all its cases.
+    pub fn run(source: &Source, report: &mut Report) {
+        let tolerance = source.root["abs_tol"].as_f64().unwrap_or(1e-11);
+        run_cases(source, report, |id, case, report| run_case(id, case, tolerance, report));
+    }
+
+    fn run_case(id: &str, case: Inputs, tolerance: f64, report: &mut Report) -> Result<(), CaseError> {
+        let (n, q) = case.square("Q")?;
+        let (mut work, mut variances) = (q.clone(), vec![0.0; n]);
+        let q = Mat::square(&q, n)?;
+        factor_ltdl(&mut MatMut::square(&mut work, n)?, &mut variances)?;
+        for (variance, expected) in variances.iter().zip(case.list_of("cond_sd", n)?) {
+            compare(report, "conditional_sd", id, variance.sqrt(), expected, tolerance);
+        }
+        let adop = success_rate::adop(&variances);
+        compare(report, "adop", id, adop, case.number("adop")?, tolerance);
+
+        let (mut work, mut eigen) = (q_copy(q), vec![0.0; n]);
+        eigenvalues(&mut MatMut::square(&mut work, n)?, &mut eigen)?;
+        let largest = eigen.iter().copied().fold(0.0, f64::max);
+        let smallest = eigen.iter().copied().fold(f64::INFINITY, f64::min);
+        let mut workspace = Box::new(Workspace::<f64, CAPACITY>::new());
+        let shortest = resolve(&vec![0.0; n], q, &Config::default(), &mut workspace)?.second_norm;
+        compare(report, "shortest_norm", id, shortest, case.number("min_norm2")?, tolerance);
+        let bootstrapped = success_rate::bootstrapped(&variances);
+        let rates = [
+            ("ib", bootstrapped, tolerance),
+            ("ir_lower", success_rate::rounding_lower(q), tolerance),
+            ("ir_upper", success_rate::rounding_upper(q), tolerance),
+            ("ib_upper_adop", success_rate::adop_upper(adop, n), tolerance),
+            ("ils_adop_chi2_upper", success_rate::ils_upper(adop, n), 10.0 * tolerance),
+            ("ils_ball_lower", success_rate::ball_lower(shortest, n), 10.0 * tolerance),
+            ("ils_lmax_lower", success_rate::eigenvalue_lower(largest, n), tolerance),
+            ("ils_lmin_upper", success_rate::eigenvalue_upper(smallest, n), tolerance),
+            ("ils_slab_upper", slabs(case, q)?, tolerance),
+        ];
+        for (name, rate, tolerance) in rates {
+            compare(report, name, id, rate.success, case.number(name)?, tolerance);
+            compare(report, "complement", id, rate.success + rate.failure, 1.0, 1e-13);
+        }
+        let failure = case.number("ib_fail")?;
+        compare(report, "ib_fail", id, bootstrapped.failure / failure, 1.0, 1e-8);
+
+        // What follows depends on Z, or on samples.
+        let decorrelated = variances_after_decorrelation(q)?;
+        let oracle = case.number("ib_z_oracle")?;
+        compare(report, "ib_z", id, success_rate::bootstrapped(&decorrelated).success, oracle, 0.02);
+        let counts = MonteCarlo { samples: SAMPLES, ..MonteCarlo::default() }.run(q)?;
+        compare(report, "mc_ils", id, counts.rate(counts.least_squares), case.number("mc_ils")?, MC_TOLERANCE);
+        compare(report, "mc_ir", id, counts.rate(counts.rounding), case.number("mc_ir")?, MC_TOLERANCE);
+        let simulated = counts.rate(counts.bootstrapping);
+        compare(report, "mc_ib_z", id, simulated, case.number("mc_ib_z")?, 0.02 + MC_TOLERANCE);
+        Ok(())
+    }
+
+    /// Samples that give a standard error of at most 0.0011, half of the file's own.
+    const SAMPLES: u64 = 200_000;
+    /// As documented with the file.
+    const MC_TOLERANCE: f64 = 0.008;
+
+    fn q_copy(q: Mat<'_, f64>) -> Vec<f64> {
+        (0..q.rows()).flat_map(|i| q.row(i)).copied().collect()
+    }
+
+    fn slabs(case: Inputs, q: Mat<'_, f64>) -> Result<success_rate::Probability, CaseError> {
+        let (n, vectors) = case.square("slab_u")?;
+        let vectors: Vec<i64> = vectors.into_iter().map(|u| u as i64).collect();
+        let (mut factor, mut rows, mut gram) = (vec![0.0; n * n], vec![0.0; n * n], vec![0.0; n * n]);
+        Ok(success_rate::slab_upper(
+            q,
+            Mat::square(&vectors, n)?,
+            &mut MatMut::square(&mut factor, n)?,
+            &mut MatMut::square(&mut rows, n)?,
+            &mut MatMut::square(&mut gram, n)?,
+            &mut vec![0.0; n],
+        )?)
+    }
+
+    fn variances_after_decorrelation(q: Mat<'_, f64>) -> Result<Vec<f64>, CaseError> {
+        let mut workspace = Box::new(Workspace::<f64, CAPACITY>::new());
+        Ok(resolve(&vec![0.0; q.rows()], q, &Config::default(), &mut workspace)?.variances.to_vec())
+    }
+}
+
 /// Success rates and their bounds.
 pub mod success_rates {
     use super::*;

@@ -46,6 +46,7 @@ const FORMATS: &[Format] = &[
     Format { recognises: integer::decorrelation::recognises, run: integer::decorrelation::run },
     Format { recognises: integer::least_squares::recognises, run: integer::least_squares::run },
     Format { recognises: integer::bootstrapping::recognises, run: integer::bootstrapping::run },
+    Format { recognises: integer::success_bounds::recognises, run: integer::success_bounds::run },
     Format { recognises: integer::success_rates::recognises, run: integer::success_rates::run },
     Format { recognises: kalman::recognises, run: kalman::run },
     Format { recognises: moments::recognises, run: moments::run },
