@@ -14,6 +14,9 @@
 //! | [`log`] | the device log: framed, checksummed records (feature `log`) |
 //! | [`integer`] | decorrelation, bootstrapping, integer least squares, success rates, acceptance |
 //! | [`spp`] | single-point position and velocity with fault exclusion |
+//! | [`model`] | motion, observation noise, combinations; partially linear models |
+//! | [`filter`] | densities, linearisation, updates, slip detection, the mixed-integer filter |
+//! | [`rtk`] | the engine: epochs of rover and base in, [`gnss::solution::Solution`] out |
 //!
 //! One principle to hold on to: whatever is decided about an epoch is decided here, and is the same bit for bit on a
 //! Cortex-M and on a server. Therefore transcendental functions come from `libm` only.

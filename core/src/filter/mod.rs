@@ -1,4 +1,17 @@
 //! Estimation: densities and the operations that predict, update and re-arrange them.
+//!
+//! ```text
+//! model ─► linearize ─► ŷ, J, Ω ─► update (sequential, Joseph, array) ─► slip ─► integers
+//! ```
+//! | module | holds |
+//! |---|---|
+//! | [`gaussian`] | a density whose states are born, die and are re-defined |
+//! | [`common_term`] | rows that share a free common term, made independent without differences |
+//! | [`linearize`] | Taylor, unscented, cubature, Gauss–Hermite over the nonlinear states |
+//! | [`update`] | the measurement update in three forms |
+//! | [`screen`] | observations that contradict the rest |
+//! | [`jump`], [`slip`] | how ambiguities jump, and how that is seen |
+//! | [`mixed_integer`] | both densities of any partially linear model: MI-EKF, MI-LRKF, recursive MILS |
 
 pub mod common_term;
 pub mod gaussian;
