@@ -10,5 +10,6 @@ pub mod log;
 pub mod process;
 pub mod read;
 pub mod simulate;
+pub mod study;
 pub mod vectors;
 pub mod write;

@@ -12,6 +12,7 @@ pub mod post;
 pub mod replay;
 pub mod results;
 pub mod simulate;
+pub mod study;
 pub mod vectors;
 
 /// Precise GNSS positioning that can be trusted.
@@ -38,6 +39,7 @@ enum Command {
     Compare(compare::Args),
     Log(log::Args),
     Replay(replay::Args),
+    Study(study::Args),
     Vectors(vectors::Args),
 }
 
@@ -60,6 +62,7 @@ pub fn main() -> ExitCode {
         Command::Compare(args) => compare::run(&args),
         Command::Log(args) => log::run(&args),
         Command::Replay(args) => replay::run(&args),
+        Command::Study(args) => study::run(&args),
         Command::Vectors(args) => vectors::run(&args),
     };
     match outcome {

@@ -1,0 +1,13 @@
+//! Studies: the papers' simulations by Monte Carlo, with the numbers they must give.
+//!
+//! | module | holds |
+//! |---|---|
+//! | [`monte_carlo`] | trials on all cores, in order, with a progress bar |
+//! | [`statistics`] | ratios over runs with their standard errors |
+//! | [`plot`] | line plots as SVG and PNG, without system fonts |
+//! | [`mixed_integer`] | Section V of Greiff et al. (CCTA 2021) |
+
+pub mod mixed_integer;
+pub mod monte_carlo;
+pub mod plot;
+pub mod statistics;
