@@ -39,9 +39,17 @@ pub fn solve<T: Real>(l: Mat<'_, T>, b: &mut [T]) -> Result<(), LinalgError> {
     triangular::back_transposed(l, b)
 }
 
-/// ln det A = 2 Σ ln Lᵢᵢ, given L from [`factor`].
+/// ln det A = 2 Σ ln Lᵢᵢ, given L from [`factor`]. Logarithms are taken of products as long as these are of moderate size.
 pub fn log_determinant<T: Real>(l: Mat<'_, T>) -> f64 {
-    (0..l.rows().min(l.cols())).map(|i| 2.0 * libm::log(l.at(i, i).to_f64())).sum()
+    let (mut sum, mut product) = (0.0, 1.0);
+    for i in 0..l.rows().min(l.cols()) {
+        product *= l.at(i, i).to_f64();
+        if !(1e-100..1e100).contains(&product) {
+            sum += libm::log(product);
+            product = 1.0;
+        }
+    }
+    2.0 * (sum + libm::log(product))
 }
 
 #[cfg(test)]

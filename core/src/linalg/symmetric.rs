@@ -10,15 +10,13 @@
 use core::fmt;
 
 use super::view::{Mat, MatMut};
-use super::{LinalgError, axpy, dot, head, head_mut, tail_mut};
+use super::{LinalgError, axpy, dot, head, head_mut, subtract_four, tail_mut};
 use crate::real::Real;
 
 /// out ← out + s · (row i of P).
 pub fn add_row<T: Real>(p: Mat<'_, T>, i: usize, s: T, out: &mut [T]) {
     axpy(head_mut(out, i + 1), s, p.row(i));
-    for (out, &p) in tail_mut(out, i + 1).iter_mut().zip(p.column_below(i)) {
-        *out += s * p;
-    }
+    p.zip_below(i, tail_mut(head_mut(out, p.rows()), i + 1), |&p, out| *out += s * p);
 }
 
 /// out ← row i of P.
@@ -26,9 +24,7 @@ pub fn copy_row<T: Real>(p: Mat<'_, T>, i: usize, out: &mut [T]) {
     for (out, &p) in head_mut(out, i + 1).iter_mut().zip(p.row(i)) {
         *out = p;
     }
-    for (out, &p) in tail_mut(out, i + 1).iter_mut().zip(p.column_below(i)) {
-        *out = p;
-    }
+    p.zip_below(i, tail_mut(head_mut(out, p.rows()), i + 1), |&p, out| *out = p);
 }
 
 /// P_ij for any i and j, 0 where there is none.
@@ -64,7 +60,8 @@ pub fn subtract_gram<T: Real>(p: &mut MatMut<'_, T>, w: Mat<'_, T>) {
     while k + 4 <= w.rows() {
         let rows = [w.row(k), w.row(k + 1), w.row(k + 2), w.row(k + 3)];
         for (i, row) in p.iter_mut().enumerate() {
-            subtract_four(head_mut(row, i + 1), rows, i);
+            let a = rows.map(|w| w.get(i).copied().unwrap_or_default());
+            subtract_four(head_mut(row, i + 1), a, rows);
         }
         k += 4;
     }
@@ -72,15 +69,6 @@ pub fn subtract_gram<T: Real>(p: &mut MatMut<'_, T>, w: Mat<'_, T>) {
         for ((i, row), &w_i) in p.iter_mut().enumerate().zip(w) {
             axpy(head_mut(row, i + 1), -w_i, w);
         }
-    }
-}
-
-/// Subtracts four outer products from row i up to the diagonal.
-fn subtract_four<T: Real>(row: &mut [T], w: [&[T]; 4], i: usize) {
-    let [w0, w1, w2, w3] = w;
-    let (Some(&a0), Some(&a1), Some(&a2), Some(&a3)) = (w0.get(i), w1.get(i), w2.get(i), w3.get(i)) else { return };
-    for ((((p, &w0), &w1), &w2), &w3) in row.iter_mut().zip(w0).zip(w1).zip(w2).zip(w3) {
-        *p = *p - a0 * w0 - a1 * w1 - a2 * w2 - a3 * w3;
     }
 }
 

@@ -3,7 +3,7 @@
 //! Only the lower triangle of L is read. Cost n²/2 multiply-adds a right-hand side, n³/6 for the inverse.
 
 use super::view::{Mat, MatMut};
-use super::{LinalgError, around, around_mut, axpy, dot, head, scale};
+use super::{LinalgError, around, around_mut, axpy, dot, head, scale, subtract_four};
 use crate::real::Real;
 
 /// Checks that `l` is square of dimension `n` and has a usable diagonal.
@@ -46,7 +46,12 @@ pub fn forward_rows<T: Real>(l: Mat<'_, T>, b: &mut MatMut<'_, T>) -> Result<(),
     for i in 0..b.rows() {
         let (solved, target) = b.split_row(i);
         let (row, &diagonal, _) = around(l.row(i), i)?;
-        for (&l, source) in row.iter().zip(solved.iter()) {
+        let (fours, rest) = row.as_chunks::<4>();
+        for (k, &l) in fours.iter().enumerate() {
+            let sources = [solved.row(4 * k), solved.row(4 * k + 1), solved.row(4 * k + 2), solved.row(4 * k + 3)];
+            subtract_four(target, l, sources);
+        }
+        for (&l, source) in rest.iter().zip(solved.iter().skip(4 * fours.len())) {
             axpy(target, -l, source);
         }
         scale(target, T::ONE / diagonal);

@@ -5,7 +5,7 @@
 //!
 //! Panic contract: none. A row out of range is the empty slice, an entry out of range is `None`.
 
-use super::{LinalgError, head, head_mut, tail, tail_mut};
+use super::{LinalgError, head, head_mut, tail_mut};
 use crate::real::Real;
 
 /// Whether `rows × cols` with leading dimension `ld` fits into `len` numbers.
@@ -87,16 +87,22 @@ impl<'a, T: Copy> Mat<'a, T> {
         Self::new(self.data.get(start..).unwrap_or(&[]), rows, cols, self.ld)
     }
 
-    /// Entries (i, j) of column j for i > j.
-    pub(crate) fn column_below(&self, j: usize) -> impl Iterator<Item = &'a T> + use<'a, T> {
-        let below = tail(self.data, (j + 1) * self.ld + j);
-        below.iter().step_by(self.ld.max(1)).take(self.rows.saturating_sub(j + 1))
-    }
-
     /// The rows in order.
     pub(crate) fn iter(&self) -> impl Iterator<Item = &'a [T]> + use<'a, T> {
         let cols = self.cols;
         self.data.chunks(self.ld.max(1)).take(self.rows).map(move |row| head(row, cols))
+    }
+}
+
+impl<T> Mat<'_, T> {
+    /// Calls `each` with the entries (k, j) of column j for k > j, as many as there are in `others`, and with those.
+    pub(crate) fn zip_below<U>(&self, j: usize, others: &mut [U], mut each: impl FnMut(&T, &mut U)) {
+        let mut k = (j + 1) * self.ld + j;
+        for other in others {
+            let Some(entry) = self.data.get(k) else { return };
+            each(entry, other);
+            k += self.ld;
+        }
     }
 }
 

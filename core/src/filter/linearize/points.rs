@@ -108,7 +108,7 @@ impl Points {
                     None => i,
                 };
                 let sign = if axis < self.inputs { radius } else { -radius };
-                if let Some(entry) = xi.get_mut(axis % self.inputs) {
+                if let Some(entry) = xi.get_mut(axis % self.inputs.max(1)) {
                     *entry = sign;
                 }
                 Some(Weights { mean: weight, covariance: weight })
@@ -117,8 +117,9 @@ impl Points {
                 let mut weight = 1.0;
                 let mut digits = i;
                 for entry in xi.iter_mut().take(self.inputs).rev() {
-                    let (node, w) = nodes[digits % nodes.len()];
-                    digits /= nodes.len();
+                    let count = nodes.len().max(1);
+                    let (node, w) = nodes.get(digits % count).copied()?;
+                    digits /= count;
                     *entry = node;
                     weight *= w;
                 }

@@ -9,7 +9,7 @@ use core::ops::Range;
 
 use super::stage::{Stage, VECTORS, product};
 use super::{Rows, UpdateError};
-use crate::linalg::{Mat, MatMut, axpy, cholesky, head_mut, symmetric, triangular};
+use crate::linalg::{Mat, MatMut, axpy, cholesky, head, head_mut, symmetric, triangular};
 use crate::real::Real;
 
 /// Independent rows, [`VECTORS`] at a time.
@@ -70,13 +70,33 @@ pub(crate) fn project<T: Real>(
         rows.for_each(first + i, &mut |state, coefficient| symmetric::add_row(p, state, coefficient, row));
     }
     for j in 0..v.rows() {
+        // A few coefficients at a time, so that the loop over the rows of V is tight.
+        let mut entries = [(0, T::ZERO); 8];
+        let mut count = 0;
         rows.for_each(first + j, &mut |state, coefficient| {
-            for (s, v) in s.iter_mut().zip(v.iter()).skip(j) {
-                if let (Some(s), Some(&v)) = (s.get_mut(j), v.get(state)) {
+            if count == entries.len() {
+                add_products(&entries, v, s, j);
+                count = 0;
+            }
+            if let Some(entry) = entries.get_mut(count) {
+                *entry = (state, coefficient);
+            }
+            count += 1;
+        });
+        add_products(head(&entries, count), v, s, j);
+    }
+}
+
+/// `s`_ij += Σ coefficient · `v`_i,state for i ≥ j.
+fn add_products<T: Real>(entries: &[(usize, T)], v: &MatMut<'_, T>, s: &mut MatMut<'_, T>, j: usize) {
+    for (s, v) in s.iter_mut().zip(v.iter()).skip(j) {
+        if let Some(s) = s.get_mut(j) {
+            for &(state, coefficient) in entries {
+                if let Some(&v) = v.get(state) {
                     *s += coefficient * v;
                 }
             }
-        });
+        }
     }
 }
 
