@@ -42,3 +42,29 @@ fn wrong_usage_is_exit_code_2_and_a_bad_directory_3() {
     assert_eq!(output.status.code(), Some(3));
     assert!(String::from_utf8_lossy(&output.stderr).contains("cannot be written"));
 }
+
+/// Half a minute of the default scenario: every combination is fixed and right, the projection less often than the rest.
+#[test]
+fn a_drive_is_compared_in_every_combination() {
+    let directory = tempfile::tempdir().unwrap();
+    let surefix = |arguments: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_surefix"));
+        let output = command.current_dir(directory.path()).args(arguments).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8_lossy(&output.stdout).into_owned()
+    };
+    let scenario = surefix(&["simulate", "--print-default"]).replace("duration_s = 600.0", "duration_s = 90.0");
+    std::fs::write(directory.path().join("short.toml"), scenario).unwrap();
+    surefix(&["simulate", "short.toml", "-o", "."]);
+    let files = ["rover.obs", "base.obs", "broadcast.nav"];
+    let table = surefix(&[&["study", "drive"], &files[..], &["--bands", "G15 E15", "--truth", "truth.csv"]].concat());
+    let rows: Vec<Vec<&str>> = table.lines().skip(2).map(|row| row.split('|').map(str::trim).collect()).collect();
+    assert_eq!(rows.len(), 12, "{table}");
+    let fixed = |row: &Vec<&str>| row[4].parse::<f64>().unwrap();
+    assert!(
+        rows.iter().filter(|row| row[1] != "projection").all(|row| fixed(row) > 95.0 && row[5] == "0.00"),
+        "{table}"
+    );
+    let best = rows.iter().filter(|row| row[1] == "projection").map(fixed).fold(0.0, f64::max);
+    assert!(best <= fixed(&rows[0]), "{table}");
+}

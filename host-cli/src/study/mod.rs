@@ -1,4 +1,4 @@
-//! Studies: the papers' simulations by Monte Carlo, with the numbers they must give.
+//! Studies: the papers' simulations by Monte Carlo, with the numbers they must give, and their choices on real drives.
 //!
 //! | module | holds |
 //! |---|---|
@@ -6,7 +6,9 @@
 //! | [`statistics`] | ratios over runs with their standard errors |
 //! | [`plot`] | line plots as SVG and PNG, without system fonts |
 //! | [`mixed_integer`] | Section V of Greiff et al. (CCTA 2021) |
+//! | [`drive`] | its choices on a real drive |
 
+pub mod drive;
 pub mod mixed_integer;
 pub mod monte_carlo;
 pub mod plot;

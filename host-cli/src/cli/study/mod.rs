@@ -2,9 +2,10 @@
 
 use super::Outcome;
 
+mod drive;
 mod mixed_integer;
 
-/// Repeat the simulations of a paper, with the numbers they must give.
+/// Repeat the simulations of a paper, with the numbers they must give, or compare its choices on a real drive.
 #[derive(clap::Args, Debug)]
 pub struct Args {
     #[command(subcommand)]
@@ -14,11 +15,13 @@ pub struct Args {
 #[derive(clap::Subcommand, Debug)]
 enum Command {
     MixedInteger(mixed_integer::Args),
+    Drive(drive::Args),
 }
 
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     match &args.command {
         Command::MixedInteger(args) => mixed_integer::run(args),
+        Command::Drive(args) => drive::run(args),
     }
 }
