@@ -73,7 +73,7 @@ pub fn decorrelate<T: Real>(
     let swaps = reduce(q, d, transform, inverse)?;
     for j in (0..n).rev() {
         for i in j + 1..n {
-            let multiple = q.at(j, i).round();
+            let multiple = nearest(q.at(j, i));
             subtract_multiple(q, transform, inverse, j, i, multiple)?;
         }
     }
@@ -93,6 +93,11 @@ fn original_place(row: &[i64]) -> usize {
     row.iter().take_while(|&&entry| entry == 0).count()
 }
 
+/// The nearest whole number, zero at once for the many entries that are already reduced.
+fn nearest<T: Real>(entry: T) -> T {
+    if entry.abs() <= T::from_f64(0.5) { T::ZERO } else { entry.round() }
+}
+
 /// Exchanges neighbours until none pays any more. Returns how many were exchanged.
 fn reduce<T: Real>(
     u: &mut MatMut<'_, T>,
@@ -108,7 +113,7 @@ fn reduce<T: Real>(
     let mut next = last;
     while let Some(j) = next.checked_sub(1) {
         let l = u.at(j, next);
-        let multiple = l.round();
+        let multiple = nearest(l);
         let l = l - multiple;
         let (_, &mut d_j, later) = around_mut(d, j)?;
         let d_next = *at_mut(later, 0)?;
