@@ -42,7 +42,7 @@ const SMALL_MULTIPLE: u64 = 1 << 9;
 /// * `transform` (n × n): returns Zᵀ.
 /// * `inverse` (n × n): returns Z⁻¹.
 ///
-/// Returns the number of swaps.
+/// Returns the number of exchanges. On an error all four are spoilt.
 pub fn decorrelate<T: Real>(
     q: &mut MatMut<'_, T>,
     d: &mut [T],
@@ -73,7 +73,7 @@ pub fn decorrelate<T: Real>(
     let swaps = reduce(q, d, transform, inverse)?;
     for j in (0..n).rev() {
         for i in j + 1..n {
-            let multiple = q.at(j, i).round();
+            let multiple = nearest(q.at(j, i));
             subtract_multiple(q, transform, inverse, j, i, multiple)?;
         }
     }
@@ -93,6 +93,11 @@ fn original_place(row: &[i64]) -> usize {
     row.iter().take_while(|&&entry| entry == 0).count()
 }
 
+/// The nearest whole number, zero at once for the many entries that are already reduced.
+fn nearest<T: Real>(entry: T) -> T {
+    if entry.abs() <= T::from_f64(0.5) { T::ZERO } else { entry.round() }
+}
+
 /// Exchanges neighbours until none pays any more. Returns how many were exchanged.
 fn reduce<T: Real>(
     u: &mut MatMut<'_, T>,
@@ -108,16 +113,18 @@ fn reduce<T: Real>(
     let mut next = last;
     while let Some(j) = next.checked_sub(1) {
         let l = u.at(j, next);
-        let multiple = l.round();
+        let multiple = nearest(l);
         let l = l - multiple;
         let (_, &mut d_j, later) = around_mut(d, j)?;
         let d_next = *at_mut(later, 0)?;
         let delta = d_j + l * l * d_next;
         if delta < keep * d_next && swaps < limit {
-            subtract_multiple(u, transform, inverse, j, next, multiple)?;
-            swap(u, d, delta, j)?;
-            transform.swap_rows(j, next);
-            inverse.swap_rows(j, next);
+            exchange(u, d, delta, j, multiple)?;
+            let multiple = to_integer(multiple)?;
+            let (row_j, row_next) = transform.two_rows_mut(j, next);
+            combine_and_exchange(row_j, -multiple, row_next)?;
+            let (row_j, row_next) = inverse.two_rows_mut(j, next);
+            combine_and_exchange(row_next, multiple, row_j)?;
             swaps += 1;
             next = last.min(next + 1);
         } else {
@@ -148,26 +155,36 @@ fn subtract_multiple<T: Real>(
     add_multiple(row_i, multiple, row_j)
 }
 
-/// Exchanges components j and j+1; `delta` is the variance of the former j given all after j+1.
-fn swap<T: Real>(u: &mut MatMut<'_, T>, d: &mut [T], delta: T, j: usize) -> Result<(), IntegerError> {
+/// Takes `multiple` of component j+1 from component j and exchanges the two; `delta` is the variance of what was j, given
+/// all after j+1.
+fn exchange<T: Real>(u: &mut MatMut<'_, T>, d: &mut [T], delta: T, j: usize, multiple: T) -> Result<(), IntegerError> {
     let (_, d_j, later) = around_mut(d, j)?;
     let d_next = at_mut(later, 0)?;
     let (mut above, mut rows) = u.split_at(j);
     let (row_j, row_next) = rows.two_rows_mut(0, 1);
     let (_, entry, tail_j) = around_mut(row_j, j + 1)?;
-    let l = *entry;
+    let l = *entry - multiple;
     let eta = *d_j / delta;
     let lambda = *d_next * l / delta;
     *entry = lambda;
     (*d_j, *d_next) = (eta * *d_next, delta);
     for (a, b) in tail_j.iter_mut().zip(tail_mut(row_next, j + 2)) {
-        core::mem::swap(a, b);
+        (*a, *b) = (*b, *a - multiple * *b);
     }
     for row in above.iter_mut() {
         if let [a, b, ..] = tail_mut(row, j) {
             (*a, *b) = (*b - l * *a, eta * *a + lambda * *b);
         }
     }
+    Ok(())
+}
+
+/// (y, x) ← (x, y + s x) in exact integers.
+fn combine_and_exchange(y: &mut [i64], s: i64, x: &mut [i64]) -> Result<(), IntegerError> {
+    if s != 0 {
+        add_multiple(y, s, x)?;
+    }
+    y.iter_mut().zip(x).for_each(|(y, x)| core::mem::swap(y, x));
     Ok(())
 }
 

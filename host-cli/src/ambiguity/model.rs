@@ -179,6 +179,7 @@ fn add_normal(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use surefix_core::integer::{Config, Method, Workspace, resolve};
 
     #[test]
     fn the_same_seed_gives_the_same() {
@@ -204,6 +205,33 @@ mod tests {
                 assert!((q[3 * i + j] / expected - 1.0).abs() < 1e-9, "{i} {j}");
             }
         }
+    }
+
+    /// Models for which a search of 10 000 nodes, RTKLIB's limit, gives up in most cases: there is an answer each time,
+    /// it says how it was found, and it is no farther away than the bootstrapped one.
+    #[test]
+    fn weak_models_are_answered() {
+        let frequencies = FREQUENCIES[..2].to_vec();
+        let model = Model { satellites: 21, frequencies, ionosphere: 0.3, ..Model::default() };
+        let n = model.dimension();
+        let mut workspace = Box::new(Workspace::<f64, 40>::new());
+        let mut large = 0;
+        for seed in 0..20 {
+            let drawn = model.draw(seed).unwrap();
+            let q = Mat::square(&drawn.covariance, n).unwrap();
+            let bootstrapped = resolve(&drawn.float, q, &Config { budget: 0 }, &mut workspace).unwrap();
+            assert_eq!(bootstrapped.method, Method::Bootstrapped);
+            let limit = bootstrapped.best_norm;
+            let found = resolve(&drawn.float, q, &Config::default(), &mut workspace).unwrap();
+            large += usize::from(found.nodes > 10_000);
+            assert!(found.nodes <= Config::default().budget && found.best_norm <= limit, "seed {seed}");
+            assert!(found.success_rate.success < 0.5, "seed {seed}: {:?}", found.success_rate);
+            match found.method {
+                Method::LeastSquares => assert!(found.second_norm >= found.best_norm, "seed {seed}"),
+                Method::Bootstrapped => assert_eq!(found.ratio, 1.0, "seed {seed}"),
+            }
+        }
+        assert!(large > 10, "{large} of 20 need more than 10 000 nodes");
     }
 
     /// More epochs and a known ionosphere make the ambiguities better known.
