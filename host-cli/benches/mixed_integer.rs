@@ -1,6 +1,7 @@
 //! One epoch of the mixed-integer filter with 13 satellites, both densities, against the same in dense matrices:
 //! `cargo bench -p surefix --bench mixed_integer`.
 
+#[allow(dead_code)] // its test reads the truth as well
 mod section_v;
 
 use criterion::{Criterion, criterion_group, criterion_main};

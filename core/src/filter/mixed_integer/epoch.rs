@@ -145,7 +145,8 @@ impl<T: Real, M: PartiallyLinear + ?Sized> Epoch<'_, T, M> {
         }
         let ambiguities = tail(relaxed.mean, real).iter().zip(bench.integers.iter_mut().zip(&mut *bench.fraction));
         for (index, (&mean, (integer, fraction))) in ambiguities.enumerate() {
-            if !(libm::fabs(mean) < MAX_AMBIGUITY) {
+            let fits = libm::fabs(mean) < MAX_AMBIGUITY;
+            if !fits {
                 return Err(FilterError::Ambiguity { index });
             }
             let whole = libm::round(mean);

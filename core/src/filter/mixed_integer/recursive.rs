@@ -156,7 +156,8 @@ impl<T: Real> Bench<'_, T> {
                 let rounded = fraction.round();
                 *whole += rounded.to_f64();
                 *fraction -= rounded;
-                if !(libm::fabs(*whole) < MAX_AMBIGUITY) {
+                let fits = libm::fabs(*whole) < MAX_AMBIGUITY;
+                if !fits {
                     return Err(FilterError::Ambiguity { index });
                 }
             }

@@ -173,11 +173,8 @@ fn scalar<T: Real>(
 ) -> Result<(), UpdateError> {
     let innovation = innovation - dot(h, correction);
     let s = match form {
-        Form::Array => square_root::update(p, h, variance, gain, first, second).map(|s| {
-            let inverse = T::ONE / s.sqrt();
-            crate::linalg::scale(gain, inverse);
-            s
-        }),
+        Form::Array => square_root::update(p, h, variance, gain, first, second)
+            .inspect(|s| crate::linalg::scale(gain, T::ONE / s.sqrt())),
         _ => joseph::update(p, h, variance, gain, first, second),
     };
     // Finite rows and noises whose s is not positive and finite: P is not a covariance.
