@@ -155,8 +155,8 @@ impl Estimation {
     /// |---|---|---|---|
     /// | weighted, conditional (the default) | 98.94 % | 0 | 1.15 cm |
     /// | weighted, dual density | 98.94 % | 0 | 1.13 cm |
-    /// | projection, conditional | 51.73 % | 0 | 1.21 cm |
-    /// | projection, dual density | 51.73 % | 0 | 1.22 cm |
+    /// | projection, conditional | 51.80 % | 0 | 1.21 cm |
+    /// | projection, dual density | 51.80 % | 0 | 1.22 cm |
     ///
     /// The projection ignores that a car's position is predicted to a metre, and reopens what did not slip. The dual
     /// density is a little better where all integers are right, but remembers those that were not: on a van among trees
