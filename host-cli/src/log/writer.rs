@@ -7,8 +7,8 @@ use surefix_core::gnss::epoch::EpochView;
 use surefix_core::gnss::solution::Solution;
 use surefix_core::gnss::time::GpsTime;
 use surefix_core::log::{
-    AmbiguityEstimate, Estimate, Event, MAX_FRAME, Station, WriteError, epoch_parts, write_config, write_ephemeris, write_epoch_part, write_estimate,
-    write_event, write_header, write_ionosphere, write_measurements, write_solution,
+    AmbiguityEstimate, Estimate, Event, MAX_FRAME, Station, WriteError, epoch_parts, write_config, write_ephemeris,
+    write_epoch_part, write_estimate, write_event, write_header, write_ionosphere, write_measurements, write_solution,
 };
 
 /// Writes records to `W`, which should be buffered. Ends with [`LogWriter::finish`].
