@@ -302,7 +302,7 @@ fn records_are_read_as_ever() {
     });
     read("section_v_setup", &|record| {
         let Record::Config(config) = record else { panic!("{record:?}") };
-        assert_eq!((config.schema, config.value()), (2, Some(section_v_setup())));
+        assert_eq!((config.schema, config.value()), (0x0101, Some(section_v_setup())));
     });
 }
 

@@ -39,8 +39,9 @@ use crate::real::Real;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-/// Schema number of a [`Setup`] in a device log.
-pub const CONFIG_SCHEMA: u16 = 2;
+/// Schema number of a [`Setup`] in a device log. Those of the RTK filter count from 1, those of this engine from 0x0101; a
+/// change of the layout takes the next.
+pub const CONFIG_SCHEMA: u16 = 0x0101;
 
 /// Most satellites.
 pub const SATELLITES: usize = 13;
