@@ -6,6 +6,10 @@
 
 use nalgebra::{Matrix3, Vector3};
 use std::path::PathBuf;
+use surefix_core::filter::linearize::Rule;
+use surefix_core::filter::mixed_integer::{Detector, Fixing, Options, Output};
+use surefix_core::filter::section_v::{CONFIG_SCHEMA, Prior, Setup};
+use surefix_core::filter::update::Form;
 use surefix_core::gnss::atmosphere::Klobuchar;
 use surefix_core::gnss::ephemeris::{Ephemeris, GlonassEphemeris, KeplerEphemeris, NavigationMessage};
 use surefix_core::gnss::epoch::{Epoch, Observation};
@@ -13,6 +17,7 @@ use surefix_core::gnss::satellite::{Constellation, SatelliteId, SatelliteSet};
 use surefix_core::gnss::solution::{Quality, Reason, Solution};
 use surefix_core::gnss::time::GpsTime;
 use surefix_core::log::*;
+use surefix_core::model::virtual_bias::VirtualBiasParameters;
 
 fn time() -> GpsTime {
     GpsTime::from_week_tow(2114, 5_783.994)
@@ -131,6 +136,83 @@ fn solution() -> Solution {
     }
 }
 
+fn satellites() -> [Vector3<f64>; 2] {
+    [Vector3::new(1.1e7, -2.2e7, 3.3e6), Vector3::new(-0.0, 1.0 / 3.0, 1e-300)]
+}
+
+fn values() -> [f64; 3] {
+    [0.5, -1.0 / 3.0, 21_345_678.123]
+}
+
+fn estimate() -> Estimate {
+    let density = |n: i32| PositionDensity {
+        mean: [1, 2, 3].map(|i| f64::from(n + i) / 3.0),
+        covariance: [4, 5, 6, 7, 8, 9].map(|i| f64::from(n + i) / 7.0),
+    };
+    Estimate {
+        time: time(),
+        refusal: Some(Refusal::Undetermined),
+        relaxed: density(0),
+        constrained: density(10),
+        relaxed_nis: 62.5,
+        constrained_nis: 63.25,
+        best_norm: 1.0 / 3.0,
+        second_norm: f64::INFINITY,
+        success_rate: 0.999_9,
+        nodes: 300,
+        bootstrapped: true,
+        gated: true,
+        common_jump: Some(-300),
+        checksum: 0xdead_beef,
+    }
+}
+
+fn ambiguities() -> [AmbiguityEstimate; 2] {
+    let ambiguity = |mean: f64, integer, slipped| AmbiguityEstimate {
+        mean,
+        variance: mean / 7.0,
+        integer,
+        slip_estimate: mean / 3.0,
+        slipped,
+    };
+    [ambiguity(6.9, 7, false), ambiguity(-1e8 / 3.0, -33_333_333, true)]
+}
+
+/// The settings of the filter of Section V are frozen too; a change of them takes a new schema number.
+fn section_v_setup() -> Setup {
+    Setup {
+        parameters: VirtualBiasParameters {
+            interval: 1.0,
+            acceleration: 2.0,
+            bias_walk: 3.0,
+            wavelength: 4.0,
+            sigma_code: 5.0,
+            sigma_phase: 6.0,
+            sigma_bias: 7.0,
+        },
+        prior: Prior {
+            position: [8.0, 9.0, 10.0],
+            sigma_position: 11.0,
+            sigma_velocity: 12.0,
+            sigma_bias: 13.0,
+            sigma_ambiguity: 14.0,
+        },
+        options: Options {
+            rule: Rule::Unscented { alpha: 15.0, beta: 16.0, kappa: 17.0 },
+            form: Form::Array,
+            detector: Detector::Weighted,
+            threshold: 18.0,
+            sigma_jump: 19.0,
+            sigma_stay: 20.0,
+            common_jump: true,
+            fixing: Fixing::Bootstrapping,
+            search_budget: 300,
+            output: Output::ConditionalFix,
+            gate: 21.0,
+        },
+    }
+}
+
 /// Each record by name, as written now.
 fn records() -> Vec<(&'static str, Vec<u8>)> {
     let frame = |write: &dyn Fn(&mut [u8]) -> Result<usize, WriteError>| {
@@ -151,6 +233,9 @@ fn records() -> Vec<(&'static str, Vec<u8>)> {
         ("event_dropped", frame(&|out| write_event(&Event::Dropped(300), out))),
         ("event_marker", frame(&|out| write_event(&Event::Marker(u32::MAX), out))),
         ("config", frame(&|out| write_config(515, &(true, 0.15, [1u16, 300]), out))),
+        ("measurements", frame(&|out| write_measurements(time(), &satellites(), &values(), out))),
+        ("estimate", frame(&|out| write_estimate(&estimate(), ambiguities().into_iter(), out))),
+        ("section_v_setup", frame(&|out| write_config(CONFIG_SCHEMA, &section_v_setup(), out))),
     ]
 }
 
@@ -204,6 +289,35 @@ fn records_are_read_as_ever() {
         assert_eq!((config.schema, config.value()), (515, Some((true, 0.15, [1u16, 300]))));
         assert_eq!(config.value::<u8>(), None);
     });
+    read("measurements", &|record| {
+        let Record::Measurements(m) = record else { panic!("{record:?}") };
+        assert_eq!((m.time, m.satellites().len(), m.values().len()), (time(), 2, 3));
+        assert!(m.satellites().eq(satellites()) && m.values().eq(values()));
+        assert!(m.satellites().last().unwrap().x.is_sign_negative());
+    });
+    read("estimate", &|record| {
+        let Record::Estimate(record) = record else { panic!("{record:?}") };
+        assert_eq!(record.estimate, estimate());
+        assert!(record.ambiguities().eq(ambiguities()));
+    });
+    read("section_v_setup", &|record| {
+        let Record::Config(config) = record else { panic!("{record:?}") };
+        assert_eq!((config.schema, config.value()), (0x0101, Some(section_v_setup())));
+    });
+}
+
+/// By hand from the documentation: `53 01 09`, time in nanoseconds as zigzag varint of −1, one satellite, one value, four
+/// numbers; CRC-32 by Python's `zlib.crc32`.
+#[test]
+fn measurements_by_hand() {
+    let mut frame = [0; MAX_FRAME];
+    let one = Vector3::new(1.0, 1.0, 1.0);
+    let length = write_measurements(GpsTime::from_nanoseconds(-1), &[one], &[1.0], &mut frame).unwrap();
+    let head = [0x00, 0x07, 0x53, 0x01, 0x09, 0x01, 0x01, 0x01];
+    let number = [1, 1, 1, 1, 1, 3, 0xf0, 0x3f]; // 00 00 00 00 00 00 f0 3f
+    let last = [1, 1, 1, 1, 1, 7, 0xf0, 0x3f, 0xa6, 0xec, 0xa2, 0x01, 0x00]; // the CRC behind it
+    let expected = [&head[..], &number, &number, &number, &last].concat();
+    assert_eq!(frame[..length], expected);
 }
 
 /// By hand from the documentation of the module: `53 01 07`, code 2, 300 as varint `ac 02`, CRC-32 by Python's

@@ -19,3 +19,4 @@ use defmt_semihosting as _; // the global logger
 pub mod board;
 mod panic;
 pub mod replay;
+pub mod section_v;

@@ -24,7 +24,7 @@ pub struct Cost {
 }
 
 impl Cost {
-    fn add(&mut self, instructions: u64) {
+    pub(crate) fn add(&mut self, instructions: u64) {
         self.count += 1;
         self.total += instructions;
         self.max = self.max.max(instructions);

@@ -1,4 +1,6 @@
-//! Shared ground of the cross-crate tests: where the reference data is.
+//! Shared ground of the cross-crate tests: where the reference data is, and simulated drives.
+
+pub mod section_v;
 
 use std::path::{Path, PathBuf};
 

@@ -19,13 +19,24 @@ const UART_TEST_BYTES: u32 = 100_000;
 
 /// Builds all programs for a machine and returns where they are.
 pub fn build(toolchain: &CortexM, machine: Machine) -> Result<Programs> {
+    build_some(toolchain, machine, &["--bins"])
+}
+
+/// Builds one program for a machine.
+pub fn build_one(toolchain: &CortexM, machine: Machine, program: &str) -> Result<Image> {
+    build_some(toolchain, machine, &["--bin", program])?.get(program)
+}
+
+fn build_some(toolchain: &CortexM, machine: Machine, which: &[&str]) -> Result<Programs> {
     let source = repository().join("firmware-sim");
     let target = source.join("target").join(machine.name());
     // From its own directory, so that its own cargo configuration holds.
     run(toolchain
         .cargo("build", machine)
         .current_dir(&source)
-        .args(["--release", "--quiet", "--target-dir"])
+        .args(["--release", "--quiet"])
+        .args(which)
+        .arg("--target-dir")
         .arg(&target))?;
     Ok(Programs { machine, directory: target.join(TARGET).join("release") })
 }

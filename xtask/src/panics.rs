@@ -74,9 +74,15 @@ fn check(places: &BTreeSet<Place>) -> Result<()> {
     Ok(())
 }
 
-/// Places of the core from which a panic is reachable in the largest program.
+/// Places of the core from which a panic is reachable in the largest program of each filter.
 fn places(programs: &Programs) -> Result<BTreeSet<Place>> {
-    let image = programs.get("replay64")?;
+    let mut places = places_in(programs, "replay64")?;
+    places.extend(places_in(programs, "section_v64")?);
+    Ok(places)
+}
+
+fn places_in(programs: &Programs, program: &str) -> Result<BTreeSet<Place>> {
+    let image = programs.get(program)?;
     let program = image.elf();
     let header = elf::FileHeader32::<Endianness>::parse(program).context("not an ELF file")?;
     let endian = header.endian()?;

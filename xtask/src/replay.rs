@@ -12,17 +12,21 @@ const END_MARK: &[u8] = include_bytes!("../../core/tests/golden/log_v1_event_end
 
 /// Replay a device log on a simulated Cortex-M
 ///
-/// The answer, a log of solutions, is what `surefix replay` writes on the host, byte for byte.
+/// The answer, a log of solutions or estimates, is what `surefix replay` writes on the host, byte for byte.
 #[derive(clap::Args)]
 pub struct Args {
     /// The log to replay
     log: PathBuf,
-    /// Where to write the log of solutions
+    /// Where to write the answer
     #[arg(short, long)]
     output: Option<PathBuf>,
     /// The machine
     #[arg(long, default_value = "an500")]
     machine: Machine,
+    /// The program of the firmware: one of the presets, or section_v64 or section_v32 for a log of the study of
+    /// mixed-integer filters
+    #[arg(long, default_value = "replay64")]
+    program: String,
 }
 
 /// Builds the firmware, runs it and writes its answer.
@@ -32,8 +36,8 @@ pub fn run(args: &Args) -> Result<()> {
     if !log.ends_with(END_MARK) {
         log.extend_from_slice(END_MARK);
     }
-    let programs = firmware::build(&CortexM::find_or_install()?, args.machine)?;
-    let run = qemu::run(&programs.get("replay64")?, &log)?;
+    let program = firmware::build_one(&CortexM::find_or_install()?, args.machine, &args.program)?;
+    let run = qemu::run(&program, &log)?;
     run.messages.iter().for_each(|message| println!("{message}"));
     ensure!(run.success(), "the replay failed: {run}");
     if let Some(output) = &args.output {

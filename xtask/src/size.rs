@@ -1,8 +1,8 @@
 //! `cargo xtask size`: what the filter takes on a Cortex-M, as a table for the README.
 //!
-//! Flash and static RAM are those of the whole program `replay16`, `replay32`, `replay64`: filter, device log, serial
-//! line and messages. Stack and instructions are measured while it replays the smoke test's log, 16 satellites on two
-//! bands. Instructions are counted by QEMU's virtual clock; they are not cycles.
+//! Flash and static RAM are those of the whole program: filter, device log, serial line and messages. Stack and
+//! instructions are measured while it replays the smoke test's log: 16 satellites on two bands for the presets of the RTK
+//! filter, 13 satellites of Section V of Greiff et al. (2021) for the mixed-integer filter. Instructions are counted by QEMU's virtual clock; they are not cycles.
 
 use crate::firmware::{self, Programs};
 use crate::machine::Machine;
@@ -14,8 +14,16 @@ use object::read::elf::{FileHeader, ProgramHeader};
 use object::{Endianness, elf};
 use std::fmt::Write;
 
-const PRESETS: [u32; 3] = [16, 32, 64];
-const LOG: &[u8] = include_bytes!("../../firmware-sim/smoke/drive.log");
+const DRIVE: &[u8] = include_bytes!("../../firmware-sim/smoke/drive.log");
+const SECTION_V: &[u8] = include_bytes!("../../firmware-sim/smoke/section_v.log");
+/// What is measured: program, name of the filter, log, and the machine if it is for one only.
+const CASES: [(&str, &str, &[u8], Option<Machine>); 5] = [
+    ("replay16", "Rtk16", DRIVE, None),
+    ("replay32", "Rtk32", DRIVE, None),
+    ("replay64", "Rtk64", DRIVE, None),
+    ("section_v64", "SectionV<f64>", SECTION_V, Some(Machine::An500)),
+    ("section_v32", "SectionV<f32>", SECTION_V, Some(Machine::An386)),
+];
 /// Where RAM begins in `memory.x`.
 const RAM: u32 = 0x2000_0000;
 const BEGIN: &str = "<!-- cargo xtask size: begin -->\n";
@@ -24,30 +32,32 @@ const END: &str = "<!-- cargo xtask size: end -->";
 /// Measures, prints the table, and writes it into the README if that has the place for it.
 pub fn run(toolchain: &CortexM) -> Result<()> {
     let mut table = String::from(
-        "| preset | core | flash KB | static RAM KB | peak stack KB | instructions per epoch, mean | most |\n\
+        "| filter | core | flash KB | static RAM KB | peak stack KB | instructions per epoch, mean | most |\n\
          |---|---|---|---|---|---|---|\n",
     );
     for machine in Machine::ALL {
         let programs = firmware::build(toolchain, machine)?;
-        for signals in PRESETS {
-            writeln!(table, "{}", row(&programs, machine, signals)?)?;
+        for (program, filter, log, only) in CASES {
+            if only.is_none_or(|only| only == machine) {
+                writeln!(table, "{}", row(&programs, machine, program, filter, log)?)?;
+            }
         }
     }
     println!("\n{table}");
     write_between_marks(&table)
 }
 
-fn row(programs: &Programs, machine: Machine, signals: u32) -> Result<String> {
-    let image = programs.get(&format!("replay{signals}"))?;
+fn row(programs: &Programs, machine: Machine, program: &str, filter: &str, log: &[u8]) -> Result<String> {
+    let image = programs.get(program)?;
     let (flash, ram) = memory(image.elf())?;
-    let run = qemu::run(&image, LOG)?;
-    ensure!(run.success(), "replay{signals} failed: {run}");
+    let run = qemu::run(&image, log)?;
+    ensure!(run.success(), "{program} failed: {run}");
     let value = |name| {
         let found = run.messages.iter().find_map(|message| message.strip_prefix(&format!("INFO {name}: ")));
         found.and_then(|value| value.parse::<f64>().ok()).with_context(|| format!("no message `{name}`: {run}"))
     };
     Ok(format!(
-        "| `Rtk{signals}` | {} | {:.0} | {:.0} | {:.1} | {:.2} M | {:.2} M |",
+        "| `{filter}` | {} | {:.0} | {:.0} | {:.1} | {:.2} M | {:.2} M |",
         machine.core(),
         f64::from(flash) / 1e3,
         f64::from(ram) / 1e3,

@@ -19,5 +19,7 @@ pub mod jump;
 pub mod linearize;
 pub mod mixed_integer;
 pub mod screen;
+#[cfg(feature = "log")]
+pub mod section_v;
 pub mod slip;
 pub mod update;

@@ -19,7 +19,7 @@ pub const MAX_FRAME: usize = 1536;
 /// Bytes of a frame before encoding that are not payload: start byte, version, kind, CRC.
 const OVERHEAD: usize = 7;
 
-static CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
+pub(crate) static CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 
 /// Why a frame was not written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -109,7 +109,8 @@ impl<const N: usize> InputReader<N> {
             Record::Solution(solution) => sink(Input::Solution(solution)),
             Record::Event(event) => sink(Input::Event(event)),
             Record::Config(config) => sink(Input::Config(config)),
-            Record::Epoch(_) => (),
+            // The records of a mixed-integer filter are for its own engine, which reads records.
+            Record::Epoch(_) | Record::Measurements(_) | Record::Estimate(_) => (),
         }
         None
     }

@@ -12,8 +12,8 @@
 //!   between frames and a reader finds the next frame after any damage. A frame has a delimiter on both sides: one that
 //!   was cut short does not swallow its successor. Empty frames are ignored.
 //! * **CRC-32** is that of ISO-HDLC (zip, Ethernet), over all bytes before it, start byte and version included.
-//! * **Payload**: [postcard](https://postcard.jamesmunns.com/wire-format) of the private structs in `wire`, whose
-//!   layout is frozen by golden files. A change of layout takes a new kind or a new [`VERSION`].
+//! * **Payload**: [postcard](https://postcard.jamesmunns.com/wire-format) of private structs (in `wire`, `measurements`,
+//!   `estimate`), whose layout is frozen by golden files. A change of layout takes a new kind or a new [`VERSION`].
 //!
 //! | kind | record | written by |
 //! |---|---|---|
@@ -24,6 +24,8 @@
 //! | 6 | [`Solution`](crate::gnss::solution::Solution) | [`write_solution`] |
 //! | 7 | [`Event`] | [`write_event`] |
 //! | 8 | [`Config`]: settings of an engine, opaque here | [`write_config`] |
+//! | 9 | [`Measurements`] of an epoch, for a mixed-integer filter | [`write_measurements`] |
+//! | 10 | [`Estimate`]: the answer of a mixed-integer filter | [`write_estimate`] |
 //!
 //! ## Exactness
 //! Every number comes back bit for bit. An observable that is a whole number of thousandths, as all in RINEX are, is
@@ -55,16 +57,21 @@
 
 mod cobs;
 mod collect;
+mod estimate;
 mod frame;
 mod input;
+mod measurements;
 mod reader;
 mod record;
 mod wire;
 mod write;
 
 pub use collect::EpochCollector;
+pub use estimate::{AmbiguityEstimate, Estimate, EstimateRecord, PositionDensity, Refusal, write_estimate};
+pub(crate) use frame::CRC;
 pub use frame::{FrameError, MAGIC, MAX_FRAME, VERSION, WriteError};
 pub use input::{Input, InputReader};
+pub use measurements::{Measurements, write_measurements};
 pub use reader::{Counts, RecordReader};
 pub use record::{Config, EpochPart, Event, Header, Ionosphere, Record, Station};
 pub use write::{

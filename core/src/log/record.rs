@@ -3,7 +3,9 @@
 //! Observations of an epoch stay in the reader's buffer and are decoded one by one, so that an epoch needs no second
 //! store and no large value is moved. Panic contract: none.
 
+use super::estimate::EstimateRecord;
 use super::frame::FrameError;
+use super::measurements::Measurements;
 use super::wire::{
     self, WireEpochHead, WireEvent, WireGlonass, WireHeader, WireIonosphere, WireKepler, WireObservation, WireSolution,
 };
@@ -25,6 +27,8 @@ pub(super) mod kind {
     pub const SOLUTION: u8 = 6;
     pub const EVENT: u8 = 7;
     pub const CONFIG: u8 = 8;
+    pub const MEASUREMENTS: u8 = 9;
+    pub const ESTIMATE: u8 = 10;
 }
 
 /// Whose observations.
@@ -189,6 +193,10 @@ pub enum Record<'a> {
     Event(Event),
     /// Settings of an engine.
     Config(Config<'a>),
+    /// Measurements for a mixed-integer filter.
+    Measurements(Measurements<'a>),
+    /// An answer of a mixed-integer filter.
+    Estimate(EstimateRecord<'a>),
 }
 
 impl<'a> Record<'a> {
@@ -228,6 +236,8 @@ impl<'a> Record<'a> {
                 let (schema, data) = postcard::take_from_bytes(payload).map_err(|_| FrameError::Payload)?;
                 Ok(Self::Config(Config { schema, data }))
             }
+            kind::MEASUREMENTS => Measurements::read(payload).map(Self::Measurements),
+            kind::ESTIMATE => EstimateRecord::read(payload).map(Self::Estimate),
             unknown => Err(FrameError::Kind(unknown)),
         }
     }

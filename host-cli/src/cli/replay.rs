@@ -3,17 +3,20 @@
 use super::Outcome;
 use super::engine::EngineArgs;
 use super::results::{self, Results};
-use crate::log::{LogInputs, LogWriter};
+use crate::log::section_v::{is_for_section_v, replay};
+use crate::log::{LogInputs, LogReader, LogWriter};
 use crate::process::run::Engine;
 use crate::process::stream::Input;
 use crate::write::partial_file::PartialFile;
 use crate::write::pos::Header;
-use anyhow::Context;
+use anyhow::{Context, bail};
 use std::path::PathBuf;
+use surefix_core::real::Real;
 
 /// Run a device log through the filter.
 ///
-/// The log's own settings are used; a log without settings is processed with the defaults and the options below. The
+/// A log of GNSS observations goes through the RTK filter, one of measurements of the study of mixed-integer filters
+/// through the filter of that study. The log's own settings are used; a log without settings is processed with the defaults and the options below. The
 /// frames that `-o` writes are those that firmware answers, byte for byte.
 #[derive(clap::Args, Debug)]
 pub struct Args {
@@ -25,12 +28,21 @@ pub struct Args {
     /// Write the result files of `surefix post` into this directory
     #[arg(short, long, value_name = "DIR")]
     results: Option<PathBuf>,
+    /// Keep covariances in single precision, as on a core without double (only for a log of the study)
+    #[arg(long)]
+    single: bool,
     #[command(flatten)]
     engine: EngineArgs,
 }
 
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
+    if is_for_section_v(&args.log)? {
+        return if args.single { run_section_v::<f32>(args) } else { run_section_v::<f64>(args) };
+    }
+    if args.single {
+        bail!("{}: has no measurements of the study, and --single is for these; leave it out", args.log.display());
+    }
     let settings = args.engine.settings()?;
     let mut engine = Engine::new(settings.config()?);
     let mut inputs = LogInputs::open(&args.log)?;
@@ -83,4 +95,36 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         None => println!("{epochs} epochs, {positions} with a position"),
     }
     Ok(if positions > 0 { Outcome::Good } else { Outcome::Bad })
+}
+
+/// Runs a log of the study of mixed-integer filters.
+fn run_section_v<T: Real>(args: &Args) -> anyhow::Result<Outcome> {
+    if args.results.is_some() {
+        bail!("{}: is a log of the study, of which there are no result files; use -o", args.log.display());
+    }
+    let cannot_write =
+        || args.output.as_ref().map_or(String::new(), |path| format!("{}: cannot be written", path.display()));
+    let mut frames = match &args.output {
+        Some(path) => Some(LogWriter::new(PartialFile::create(path).with_context(cannot_write)?)),
+        None => None,
+    };
+    let (mut epochs, mut refused, mut slips) = (0u64, 0u64, 0u64);
+    let mut log = LogReader::open(&args.log)?;
+    replay::<T, _>(&mut log, |answer| {
+        epochs += 1;
+        match answer.outcome {
+            Ok(outcome) => slips += outcome.slips as u64,
+            Err(_) => refused += 1,
+        }
+        frames.as_mut().map_or(Ok(()), |frames| frames.estimate(&answer.estimate(), answer.ambiguities()))
+    })?;
+    if let Some(frames) = frames {
+        frames.finish().and_then(PartialFile::keep).with_context(cannot_write)?;
+    }
+    let bad = log.counts().bad();
+    if bad > 0 {
+        eprintln!("{}: {bad} damaged frames; `surefix log dump` shows the places", args.log.display());
+    }
+    println!("{epochs} epochs, {refused} refused, {slips} slips flagged");
+    Ok(if epochs > refused { Outcome::Good } else { Outcome::Bad })
 }

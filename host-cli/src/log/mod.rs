@@ -3,6 +3,7 @@
 mod error;
 mod inputs;
 mod reader;
+pub mod section_v;
 mod writer;
 
 pub use error::LogError;

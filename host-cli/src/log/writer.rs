@@ -1,12 +1,14 @@
 //! Writes device logs.
 
 use crate::process::stream::Input;
+use nalgebra::Vector3;
 use std::io::{self, Write};
 use surefix_core::gnss::epoch::EpochView;
 use surefix_core::gnss::solution::Solution;
+use surefix_core::gnss::time::GpsTime;
 use surefix_core::log::{
-    Event, MAX_FRAME, Station, WriteError, epoch_parts, write_config, write_ephemeris, write_epoch_part, write_event,
-    write_header, write_ionosphere, write_solution,
+    AmbiguityEstimate, Estimate, Event, MAX_FRAME, Station, WriteError, epoch_parts, write_config, write_ephemeris,
+    write_epoch_part, write_estimate, write_event, write_header, write_ionosphere, write_measurements, write_solution,
 };
 
 /// Writes records to `W`, which should be buffered. Ends with [`LogWriter::finish`].
@@ -48,6 +50,20 @@ impl<W: Write> LogWriter<W> {
     /// Writes an answer of the filter.
     pub fn solution(&mut self, solution: &Solution) -> io::Result<()> {
         self.frame(|frame| write_solution(solution, frame))
+    }
+
+    /// Writes measurements for a mixed-integer filter: satellites relative to the base `[m]`, and y.
+    pub fn measurements(&mut self, time: GpsTime, satellites: &[Vector3<f64>], values: &[f64]) -> io::Result<()> {
+        self.frame(|frame| write_measurements(time, satellites, values, frame))
+    }
+
+    /// Writes an answer of a mixed-integer filter.
+    pub fn estimate(
+        &mut self,
+        estimate: &Estimate,
+        ambiguities: impl Iterator<Item = AmbiguityEstimate> + Clone,
+    ) -> io::Result<()> {
+        self.frame(|frame| write_estimate(estimate, ambiguities, frame))
     }
 
     /// Writes an event.

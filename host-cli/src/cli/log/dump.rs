@@ -6,9 +6,10 @@ use crate::write::csv::CsvWriter;
 use serde_json::{Value, json};
 use std::io::{self, BufWriter, Write, stdout};
 use std::path::PathBuf;
+use surefix_core::filter::section_v::{self, Setup};
 use surefix_core::gnss::ephemeris::Ephemeris;
 use surefix_core::gnss::satellite::SatelliteSet;
-use surefix_core::log::{Config, Counts, EpochPart, Event, Header, Record, Station};
+use surefix_core::log::{Config, Counts, EpochPart, EstimateRecord, Event, Header, PositionDensity, Record, Station};
 use surefix_core::rtk::RtkConfig;
 use surefix_core::rtk::feed::CONFIG_SCHEMA;
 
@@ -133,6 +134,11 @@ fn rtk_config(config: &Config<'_>) -> Option<RtkConfig> {
     config.value().filter(|_| config.schema == CONFIG_SCHEMA)
 }
 
+/// The settings in a config record, if they are of the mixed-integer filter.
+fn section_v_setup(config: &Config<'_>) -> Option<Setup> {
+    config.value().filter(|_| config.schema == section_v::CONFIG_SCHEMA)
+}
+
 fn station_name(station: Station) -> &'static str {
     match station {
         Station::Rover => "rover",
@@ -196,9 +202,29 @@ fn as_text(frame: &Frame<'_>) -> String {
                 s.ratio
             )
         }
+        Record::Measurements(m) => {
+            format!("measured    {} {} satellites, {} rows", m.time, m.satellites().len(), m.values().len())
+        }
+        Record::Estimate(record) => {
+            let e = &record.estimate;
+            let [x, y, z] = e.constrained.mean;
+            let state = match e.refusal {
+                Some(refusal) => format!("refused ({refusal:?})"),
+                None => format!(
+                    "{} ambiguities, {} slipped, NIS {:.1}",
+                    record.ambiguities().count(),
+                    record.ambiguities().filter(|ambiguity| ambiguity.slipped).count(),
+                    e.relaxed_nis
+                ),
+            };
+            format!("estimate    {} {x:.4} {y:.4} {z:.4} {state}", e.time)
+        }
         Record::Event(event) => format!("event       {event:?}"),
         Record::Config(config) => match rtk_config(config) {
             Some(_) => format!("config      RTK filter, {} bytes", config.data.len()),
+            None if section_v_setup(config).is_some() => {
+                format!("config      mixed-integer filter, {} bytes", config.data.len())
+            }
             None => format!("config      of unknown schema {}, {} bytes", config.schema, config.data.len()),
         },
     }
@@ -255,15 +281,53 @@ fn as_json(frame: &Frame<'_>) -> Value {
             Event::Dropped(count) => json!({ "kind": "event", "event": "dropped", "count": count }),
             Event::Marker(value) => json!({ "kind": "event", "event": "marker", "value": value }),
         },
+        Ok(Record::Measurements(m)) => json!({
+            "kind": "measurements",
+            "gps_week": m.time.week(),
+            "gps_tow_s": m.time.tow(),
+            "satellites": m.satellites().map(|s| [s.x, s.y, s.z]).collect::<Vec<_>>(),
+            "values": m.values().collect::<Vec<_>>(),
+        }),
+        Ok(Record::Estimate(record)) => estimate_as_json(record),
         Ok(Record::Config(config)) => json!({
             "kind": "config",
             "schema": config.schema,
             "data": config.data,
-            "settings": rtk_config(config),
+            "settings": rtk_config(config).map(|settings| json!(settings)).or(section_v_setup(config).map(|setup| json!(setup))),
         }),
     };
     object["offset"] = frame.offset.into();
     object
+}
+
+fn estimate_as_json(record: &EstimateRecord<'_>) -> Value {
+    let e = &record.estimate;
+    let density = |density: &PositionDensity| json!({ "mean_m": density.mean, "covariance_m2": density.covariance });
+    json!({
+        "kind": "estimate",
+        "gps_week": e.time.week(),
+        "gps_tow_s": e.time.tow(),
+        "refusal": e.refusal.map(|refusal| format!("{refusal:?}")),
+        "relaxed": density(&e.relaxed),
+        "constrained": density(&e.constrained),
+        "relaxed_nis": e.relaxed_nis,
+        "constrained_nis": e.constrained_nis,
+        "best_norm": e.best_norm,
+        "second_norm": e.second_norm,
+        "success_rate": e.success_rate,
+        "nodes": e.nodes,
+        "bootstrapped": e.bootstrapped,
+        "gated": e.gated,
+        "common_jump_cycles": e.common_jump,
+        "checksum": e.checksum,
+        "ambiguities": record.ambiguities().map(|ambiguity| json!({
+            "mean_cycles": ambiguity.mean,
+            "variance_cycles2": ambiguity.variance,
+            "integer_cycles": ambiguity.integer,
+            "slip_estimate_cycles": ambiguity.slip_estimate,
+            "slipped": ambiguity.slipped,
+        })).collect::<Vec<_>>(),
+    })
 }
 
 /// Head of the table of observations.

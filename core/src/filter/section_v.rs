@@ -1,0 +1,307 @@
+//! The filter of Section V of Greiff et al. (CCTA 2021) driven by a device log: measurements in, estimates out.
+//!
+//! One door for firmware and host, so that both do the same with every record and their answers are equal byte for byte.
+//! A log for this engine is a [`Setup`] as a config record of [`CONFIG_SCHEMA`], and a record of measurements for each
+//! epoch ([`crate::log::write_measurements`]); it answers each of these by an estimate ([`crate::log::write_estimate`]).
+//! The model is [`VirtualBiasModel`]; the first epoch after a setup or a reset sets the number of satellites.
+//!
+//! ```no_run
+//! use surefix_core::filter::section_v::SectionVEngine;
+//! use surefix_core::log::{MAX_FRAME, RecordReader};
+//!
+//! # fn send(_: &[u8]) {}
+//! static LOG: &[u8] = &[]; // bytes from a file or a serial line
+//! let mut engine = SectionVEngine::<f64>::new(); // 90 KB: in firmware a `static`
+//! let mut reader: RecordReader = RecordReader::new();
+//! let mut frame = [0; MAX_FRAME];
+//! for &byte in LOG {
+//!     let Some(Ok(record)) = reader.push(byte) else { continue };
+//!     if let Some(answer) = engine.feed(&record) {
+//!         let length = answer.write(&mut frame).unwrap_or(0);
+//!         send(&frame[..length]);
+//!     }
+//! }
+//! ```
+//!
+//! Stack: below 1.5 KB beyond that of [`super::mixed_integer`]. Panic contract: none.
+
+use super::linearize::{LinearizeError, Rule};
+use super::mixed_integer::{Detector, FilterError, Fixing, Options, Outcome, Output, SectionV};
+use super::update::{Form, UpdateError};
+use crate::gnss::time::GpsTime;
+use crate::integer::Method;
+use crate::linalg::Mat;
+use crate::log::{
+    AmbiguityEstimate, CRC, Estimate, Event, Measurements, PositionDensity, Record, Refusal, WriteError, write_estimate,
+};
+use crate::model::virtual_bias::{VirtualBiasModel, VirtualBiasParameters};
+use crate::real::Real;
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+/// Schema number of a [`Setup`] in a device log. Those of the RTK filter count from 1, those of this engine from 0x0101; a
+/// change of the layout takes the next.
+pub const CONFIG_SCHEMA: u16 = 0x0101;
+
+/// Most satellites.
+pub const SATELLITES: usize = 13;
+/// Most rows, 5 N − 2.
+const ROWS: usize = 5 * SATELLITES - 2;
+/// Most states, 4 N + 5.
+const STATES: usize = 4 * SATELLITES + 5;
+
+/// Options until a setup brings others.
+const UNSET: Options = Options {
+    rule: Rule::Cubature,
+    form: Form::Sequential,
+    detector: Detector::Projection,
+    threshold: 1.0,
+    sigma_jump: 10.0,
+    sigma_stay: 0.1,
+    common_jump: false,
+    fixing: Fixing::LeastSquares,
+    search_budget: 100_000,
+    output: Output::DualDensity,
+    gate: 0.0,
+};
+
+/// Mean and standard deviations of the states before the first epoch, independent of each other. Means are zero but for
+/// the position.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Prior {
+    /// The rover relative to the base `[m]`.
+    pub position: [f64; 3],
+    /// Its standard deviation on each axis `[m]`.
+    pub sigma_position: f64,
+    /// Standard deviation of the velocity on each axis `[m/s]`.
+    pub sigma_velocity: f64,
+    /// Standard deviation of each bias `[m]`.
+    pub sigma_bias: f64,
+    /// Standard deviation of each ambiguity `[cycles]`.
+    pub sigma_ambiguity: f64,
+}
+
+/// All that the engine has to know before the first epoch.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Setup {
+    /// The numbers of the model.
+    pub parameters: VirtualBiasParameters,
+    /// The density before the first epoch.
+    pub prior: Prior,
+    /// Options of the filter.
+    pub options: Options,
+}
+
+/// The filter with what it was told. T is the scalar of its covariances.
+#[derive(Debug)]
+pub struct SectionVEngine<T> {
+    filter: SectionV<T>,
+    setup: Option<Setup>,
+    /// Whether the filter has a density.
+    started: bool,
+    satellites: heapless::Vec<Vector3<f64>, SATELLITES>,
+    values: heapless::Vec<f64, ROWS>,
+}
+
+impl<T: Real> SectionVEngine<T> {
+    /// An engine that was told nothing.
+    pub const fn new() -> Self {
+        Self {
+            filter: SectionV::new(UNSET),
+            setup: None,
+            started: false,
+            satellites: heapless::Vec::new(),
+            values: heapless::Vec::new(),
+        }
+    }
+
+    /// Takes one record of a log. Measurements are answered.
+    pub fn feed(&mut self, record: &Record<'_>) -> Option<Answer<'_, T>> {
+        match record {
+            Record::Config(config) if config.schema == CONFIG_SCHEMA => {
+                self.setup = config.value();
+                self.started = false;
+            }
+            Record::Event(Event::Reset) => self.started = false,
+            Record::Measurements(measurements) => {
+                let outcome = self.step(measurements);
+                return Some(Answer { time: measurements.time, outcome, filter: &self.filter });
+            }
+            _ => (),
+        }
+        None
+    }
+
+    /// The filter as the last epoch left it.
+    pub fn filter(&self) -> &SectionV<T> {
+        &self.filter
+    }
+
+    fn step(&mut self, measurements: &Measurements<'_>) -> Result<Outcome<T>, Refusal> {
+        let setup = self.setup.ok_or(Refusal::NotStarted)?;
+        if measurements.satellites().len() > SATELLITES || measurements.values().len() > ROWS {
+            return Err(Refusal::Capacity);
+        }
+        self.satellites.clear();
+        self.satellites.extend(measurements.satellites());
+        self.values.clear();
+        self.values.extend(measurements.values());
+        if !self.started {
+            start(&mut self.filter, &setup, self.satellites.len())?;
+            self.started = true;
+        }
+        let model = VirtualBiasModel { satellites: &self.satellites, parameters: setup.parameters };
+        Ok(self.filter.step(&model, &self.values)?)
+    }
+}
+
+impl<T: Real> Default for SectionVEngine<T> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// Gives the filter its options and the density before the first epoch.
+#[inline(never)] // its two vectors of states must not lie on the stack while the filter works
+fn start<T: Real>(filter: &mut SectionV<T>, setup: &Setup, satellites: usize) -> Result<(), Refusal> {
+    let Setup { prior, options, .. } = setup;
+    let real = 6 + 3 * satellites;
+    let states = real + satellites.saturating_sub(1);
+    let (mut mean, mut variances) = ([0.0; STATES], [0.0; STATES]);
+    mean.iter_mut().zip(prior.position).for_each(|(mean, position)| *mean = position);
+    for (state, variance) in variances.iter_mut().enumerate() {
+        let sigma = match state {
+            0..3 => prior.sigma_position,
+            3..6 => prior.sigma_velocity,
+            bias if bias < real => prior.sigma_bias,
+            _ => prior.sigma_ambiguity,
+        };
+        *variance = sigma * sigma;
+    }
+    let mean = mean.get(..states).ok_or(Refusal::Capacity)?;
+    let variances = variances.get(..states).ok_or(Refusal::Capacity)?;
+    *filter.options_mut() = *options;
+    Ok(filter.reset_independent(real, mean, variances)?)
+}
+
+/// The answer to an epoch.
+#[derive(Clone, Copy, Debug)]
+pub struct Answer<'a, T> {
+    /// Time of the epoch.
+    pub time: GpsTime,
+    /// What the epoch brought, or why it was refused.
+    pub outcome: Result<Outcome<T>, Refusal>,
+    /// The filter after it.
+    pub filter: &'a SectionV<T>,
+}
+
+impl<'a, T: Real> Answer<'a, T> {
+    /// The answer as a record.
+    pub fn estimate(&self) -> Estimate {
+        let outcome = self.outcome.ok();
+        let integers = outcome.and_then(|outcome| outcome.integers);
+        let number = |value: Option<T>| value.map_or(0.0, T::to_f64);
+        Estimate {
+            time: self.time,
+            refusal: self.outcome.err(),
+            relaxed: position(self.filter.mean(), self.filter.covariance()),
+            constrained: position(self.filter.constrained_mean(), self.filter.constrained_covariance()),
+            relaxed_nis: number(outcome.map(|o| o.relaxed.normalized_innovation_squared)),
+            constrained_nis: number(outcome.map(|o| o.constrained.normalized_innovation_squared)),
+            best_norm: number(integers.map(|i| i.best_norm)),
+            second_norm: number(integers.map(|i| i.second_norm)),
+            success_rate: integers.map_or(0.0, |i| i.success_rate),
+            nodes: integers.map_or(0, |i| i.nodes),
+            bootstrapped: integers.is_some_and(|i| i.method == Method::Bootstrapped),
+            gated: outcome.is_some_and(|o| o.gated),
+            common_jump: outcome.and_then(|o| o.common_jump),
+            checksum: self.checksum(),
+        }
+    }
+
+    /// The ambiguities, in the order of the satellites after the reference.
+    pub fn ambiguities(&self) -> impl Iterator<Item = AmbiguityEstimate> + Clone + use<'a, T> {
+        let filter = self.filter;
+        let slips = filter.slip_estimates().iter().zip(filter.slips());
+        filter.integers().iter().zip(slips).enumerate().map(move |(i, (&integer, (&slip_estimate, &slipped)))| {
+            let state = filter.real() + i;
+            AmbiguityEstimate {
+                mean: filter.mean().get(state).copied().unwrap_or_default(),
+                variance: filter.covariance().get(state, state).map_or(0.0, T::to_f64),
+                integer,
+                slip_estimate,
+                slipped,
+            }
+        })
+    }
+
+    /// Writes the answer as a frame of a device log.
+    pub fn write(&self, frame: &mut [u8]) -> Result<usize, WriteError> {
+        write_estimate(&self.estimate(), self.ambiguities(), frame)
+    }
+
+    /// CRC-32 of both densities, see [`Estimate::checksum`].
+    fn checksum(&self) -> u32 {
+        let mut digest = CRC.digest();
+        let densities = [
+            (self.filter.mean(), self.filter.covariance()),
+            (self.filter.constrained_mean(), self.filter.constrained_covariance()),
+        ];
+        for (mean, covariance) in densities {
+            mean.iter().for_each(|number| digest.update(&number.to_le_bytes()));
+            for i in 0..covariance.rows() {
+                covariance.row(i).iter().take(i + 1).for_each(|number| digest.update(&number.to_f64().to_le_bytes()));
+            }
+        }
+        digest.finalize()
+    }
+}
+
+/// The first three states.
+fn position<T: Real>(mean: &[f64], covariance: Mat<'_, T>) -> PositionDensity {
+    let entry = |i, j| covariance.get(i, j).map_or(0.0, T::to_f64);
+    PositionDensity {
+        mean: mean.first_chunk().copied().unwrap_or_default(),
+        covariance: [entry(0, 0), entry(1, 0), entry(1, 1), entry(2, 0), entry(2, 1), entry(2, 2)],
+    }
+}
+
+impl From<FilterError> for Refusal {
+    fn from(error: FilterError) -> Self {
+        match error {
+            FilterError::Shape | FilterError::NoRows => Self::Shape,
+            FilterError::Capacity => Self::Capacity,
+            FilterError::NotFinite | FilterError::Ambiguity { .. } => Self::NotFinite,
+            FilterError::Covariance(_) | FilterError::NotPositiveDefinite { .. } => Self::NotPositiveDefinite,
+            FilterError::Undetermined { .. } => Self::Undetermined,
+            FilterError::Linearize(error) => error.into(),
+            FilterError::Update(error) => error.into(),
+            FilterError::Integer(_) => Self::Integers,
+        }
+    }
+}
+
+impl From<LinearizeError> for Refusal {
+    fn from(error: LinearizeError) -> Self {
+        match error {
+            LinearizeError::Shape | LinearizeError::Inputs | LinearizeError::Rule => Self::Shape,
+            LinearizeError::NotPositiveDefinite => Self::NotPositiveDefinite,
+            LinearizeError::NotFinite => Self::NotFinite,
+        }
+    }
+}
+
+impl From<UpdateError> for Refusal {
+    fn from(error: UpdateError) -> Self {
+        match error {
+            UpdateError::Shape | UpdateError::NoRows | UpdateError::EmptyRow { .. } => Self::Shape,
+            UpdateError::NotFinite => Self::NotFinite,
+            UpdateError::Covariance(_)
+            | UpdateError::NotPositiveDefinite { .. }
+            | UpdateError::Noise(_)
+            | UpdateError::IndefiniteNoise { .. } => Self::NotPositiveDefinite,
+        }
+    }
+}
