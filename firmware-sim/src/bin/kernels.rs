@@ -1,0 +1,127 @@
+//! Every kernel of `linalg` and `integer` in both scalars, so that `cargo xtask panics` sees also those that the replay
+//! does not link. Dimensions come from where the compiler cannot see them; what the kernels answer does not matter.
+#![no_std]
+#![no_main]
+
+use core::hint::black_box as hide;
+use surefix_core::integer::accept::Thresholds;
+use surefix_core::integer::failure_rate::FailureRate;
+use surefix_core::integer::search::{Level, search};
+use surefix_core::integer::success_rate::{self, Probability};
+use surefix_core::integer::{Config, Workspace, resolve, resolve_partial};
+use surefix_core::integer::{bootstrap, condition, decorrelate, partial, rounding};
+use surefix_core::linalg::sequential::{Row, update_scalar, update_scalar_joseph};
+use surefix_core::linalg::{LinalgError, Mat, MatMut};
+use surefix_core::linalg::{block, cholesky, eigen, ldl, projection, square_root, symmetric, triangular};
+use surefix_core::real::Real;
+use surefix_firmware::board::{self, Board};
+
+/// Largest dimension.
+const N: usize = 4;
+/// Buffers that a kernel may need.
+const BUFFERS: usize = 5;
+
+#[cortex_m_rt::entry]
+fn main() -> ! {
+    let Some(_board) = Board::take() else { board::exit(1) };
+    let shapes_fit = kernels::<f64>(hide(N)).is_ok() && kernels::<f32>(hide(N)).is_ok();
+    defmt::info!("every kernel returned, shapes fit: {=bool}", shapes_fit);
+    board::exit(if shapes_fit { 0 } else { 1 })
+}
+
+/// Calls them all. A result is hidden, so that no call can be left out.
+fn kernels<T: Real>(n: usize) -> Result<(), LinalgError> {
+    let mut matrices = [[T::ONE; N * N]; BUFFERS];
+    let mut vectors = [[T::ONE; N]; BUFFERS];
+    let mut integers = [[1; N * N]; 3];
+    let [a, b, c, d, e] = hide(&mut matrices);
+    let [u, v, w, x, y] = hide(&mut vectors);
+    let [k, l, m] = hide(&mut integers);
+    let (a, b, c) = (&mut MatMut::square(a, n)?, &mut MatMut::square(b, n)?, &mut MatMut::square(c, n)?);
+    let (d, e) = (&mut MatMut::square(d, n)?, &mut MatMut::square(e, n)?);
+    let (k, l) = (&mut MatMut::square(k, n)?, &mut MatMut::square(l, n)?);
+    let [u, v, w, x, y] = [u, v, w, x, y].map(|vector| vector.get_mut(..n).unwrap_or_default());
+    let m = m.get_mut(..n).unwrap_or_default();
+    let indices = hide([0, 1, 2, 3]);
+    let indices = indices.get(..n).unwrap_or_default();
+    let (i, j) = (hide(1), hide(2));
+
+    views(a, b.as_ref(), i, j);
+    hide(cholesky::factor(a).is_ok());
+    hide(cholesky::solve(a.as_ref(), u).is_ok());
+    hide(cholesky::log_determinant(a.as_ref()));
+    hide(ldl::factor_ltdl(a, u).is_ok());
+    hide(
+        ldl::factor_ltdl_sorted(a, u, |i, j| {
+            hide([i, j]);
+        })
+        .is_ok(),
+    );
+    hide(ldl::factor_ldlt(a, u).is_ok());
+    hide(eigen::eigenvalues(a, u).is_ok());
+    hide(triangular::forward(a.as_ref(), u).is_ok());
+    hide(triangular::back_transposed(a.as_ref(), u).is_ok());
+    hide(triangular::forward_rows(a.as_ref(), b).is_ok());
+    hide(triangular::back_transposed_rows(a.as_ref(), b).is_ok());
+    hide(triangular::invert(a).is_ok());
+    hide(block::update_block(u, a, b.as_ref(), v, c, d).is_ok());
+    hide(block::whiten(a, u, b).is_ok());
+    hide(update_scalar(u, a, Row::Dense(v), T::ONE, T::ONE, w).is_ok());
+    hide(update_scalar(u, a, Row::Sparse { indices, values: v }, T::ONE, T::ONE, w).is_ok());
+    hide(update_scalar_joseph(u, a, Row::Dense(v), T::ONE, T::ONE, w, x).is_ok());
+    hide(square_root::update(a, u, T::ONE, v, w, x).is_ok());
+    hide(projection::orthogonalize(a, b).is_ok());
+    projection::remove(a, b.as_ref(), u);
+    hide(projection::solve(a.as_ref(), b.as_ref(), u, v).is_ok());
+    symmetric::add_row(a.as_ref(), i, T::ONE, u);
+    symmetric::copy_row(a.as_ref(), i, u);
+    symmetric::shear(a, i, j, T::ONE);
+    symmetric::scale_state(a, i, T::ONE);
+    symmetric::subtract_gram(a, b.as_ref());
+    symmetric::square(a);
+    symmetric::square_transposed(a);
+    symmetric::restore(a, u);
+    symmetric::keep_diagonal(a.as_ref(), u);
+    hide(symmetric::check(a.as_ref()).is_ok());
+    hide(symmetric::check_diagonal(a.as_ref()).is_ok());
+
+    hide(decorrelate::decorrelate(a, u, k, l).is_ok());
+    hide(decorrelate::transform(k.as_ref(), u, v).is_ok());
+    hide(decorrelate::back_transform(k.as_ref(), u, v).is_ok());
+    hide(decorrelate::back_transform_integers(k.as_ref(), l.row(i), m).is_ok());
+    hide(rounding::round(u, m).is_ok());
+    hide(bootstrap::bootstrap(u, a.as_ref(), v, m, w).is_ok());
+    hide(bootstrap::bootstrap_ordered(u, a.as_ref(), indices, b, v, w, m).is_ok());
+    hide(search(u, a.as_ref(), v, 9, k, w, hide(&mut [Level::ZERO; N]), x).is_ok());
+    hide(partial::select(u, a.as_ref(), indices, v, b).is_ok());
+    hide(condition::condition_on_integers(u, a.as_ref(), indices, indices, v, b, c, w, x, d).is_ok());
+
+    let (workspace, config, thresholds) =
+        (&mut Workspace::new(), Config { budget: hide(9) }, hide(Thresholds::default()));
+    let workspace: &mut Workspace<T, N> = workspace;
+    hide(resolve(u, a.as_ref(), &config, workspace).map(|found| hide(found).decide(&thresholds)).is_ok());
+    hide(resolve_partial(u, a.as_ref(), 0.9, &config, workspace).map(|found| hide(found).decide(&thresholds)).is_ok());
+    hide(success_rate::bootstrapped(y));
+    hide([success_rate::rounding_lower(a.as_ref()), success_rate::rounding_upper(a.as_ref())]);
+    let adop = success_rate::adop(y);
+    hide([success_rate::adop_upper(adop, n), success_rate::ils_upper(adop, n), success_rate::ball_lower(adop, n)]);
+    hide([success_rate::eigenvalue_lower(adop, n), success_rate::eigenvalue_upper(adop, n)]);
+    hide(success_rate::slab_upper(a.as_ref(), k.as_ref(), b, c, e, u).is_ok());
+    hide(FailureRate::Percent.ratio_threshold(hide(Probability { success: 0.9, failure: 0.1 }), n));
+    Ok(())
+}
+
+/// Views of matrices.
+fn views<T: Real>(a: &mut MatMut<'_, T>, b: Mat<'_, T>, i: usize, j: usize) {
+    a.swap_rows(i, j);
+    hide(a.row_pair(i, j));
+    a.mirror_lower();
+    a.transpose();
+    a.symmetrize();
+    a.fill(T::ONE);
+    hide(a.copy_from(b).is_ok());
+    hide(a.block_mut(i, i, j, j).is_ok());
+    hide(b.block(i, i, j, j).is_ok());
+    hide(a.get(i, j));
+    a.set(i, j, T::ONE);
+}
