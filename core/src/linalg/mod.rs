@@ -119,18 +119,11 @@ pub(crate) fn axpy<T: Real>(y: &mut [T], s: T, x: &[T]) {
 }
 
 /// y ← y − a₀ x₀ − a₁ x₁ − a₂ x₂ − a₃ x₃, in this order, over the shortest of them: as four [`axpy`], to the last bit, with
-/// a quarter of the loads and stores of y.
-pub(crate) fn subtract_four<T: Real>(y: &mut [T], a: [T; 4], x: [&[T]; 4]) {
-    let n = x.iter().fold(y.len(), |n, x| n.min(x.len()));
-    let (y4, y_rest) = head_mut(y, n).as_chunks_mut::<4>();
-    let [(x0, r0), (x1, r1), (x2, r2), (x3, r3)] = x.map(|x| head(x, n).as_chunks::<4>());
-    let [a0, a1, a2, a3] = a;
-    for ((((y, x0), x1), x2), x3) in y4.iter_mut().zip(x0).zip(x1).zip(x2).zip(x3) {
-        for k in 0..4 {
-            y[k] = y[k] - a0 * x0[k] - a1 * x1[k] - a2 * x2[k] - a3 * x3[k];
-        }
-    }
-    for ((((y, &x0), &x1), &x2), &x3) in y_rest.iter_mut().zip(r0).zip(r1).zip(r2).zip(r3) {
+/// a quarter of the loads and stores of y. Not inlined, because only then does the compiler know that y is apart from the
+/// others, and vectorises.
+#[inline(never)]
+pub(crate) fn subtract_four<T: Real>(y: &mut [T], [a0, a1, a2, a3]: [T; 4], [x0, x1, x2, x3]: [&[T]; 4]) {
+    for ((((y, &x0), &x1), &x2), &x3) in y.iter_mut().zip(x0).zip(x1).zip(x2).zip(x3) {
         *y = *y - a0 * x0 - a1 * x1 - a2 * x2 - a3 * x3;
     }
 }

@@ -22,6 +22,7 @@ pub struct Run {
 }
 
 /// An epoch: the measurements and the true state.
+#[allow(dead_code)] // A benchmark does not look at the truth.
 pub struct Epoch {
     pub y: Vec<f64>,
     pub x: Vec<f64>,

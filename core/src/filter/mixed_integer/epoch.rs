@@ -2,11 +2,11 @@
 
 use super::super::linearize::{self, linearize};
 use super::super::slip;
-use super::super::update::{Gauge, Stage, project, remove};
+use super::super::update::{Gauge, Stage, explain, project};
 use super::density::Cut;
 use super::rows::{ModelRows, innovation};
 use super::scratch::{Bench, work};
-use super::{Detector, FilterError, Fixing, Integers, MAX_AMBIGUITY, Options, Outcome, Output};
+use super::{Detector, FilterError, Fixing, Integers, Options, Outcome, Output, is_plausible};
 use crate::integer::{Config, Workspace, resolve};
 use crate::linalg::{MatMut, axpy, cholesky, copy, head_mut, symmetric, tail, tail_mut, triangular};
 use crate::model::partially_linear::{PartiallyLinear, Shape};
@@ -103,8 +103,8 @@ impl<T: Real, M: PartiallyLinear + ?Sized> Epoch<'_, T, M> {
             bench.noise.mirror_lower();
             symmetric::keep_diagonal(bench.noise.as_ref(), bench.noise_diagonal);
             copy(bench.residual, bench.innovation);
-            project(relaxed.p.as_ref(), &rows, 0, &mut v, &mut bench.noise);
-            remove(relaxed.correction, &rows, 0, bench.residual);
+            let unexplained = explain(bench.residual, relaxed.correction);
+            project(relaxed.p.as_ref(), &rows, 0, &mut v, &mut bench.noise, unexplained);
             slip::project_weighted(&mut g, bench.residual, &mut bench.noise, &mut bench.factor, bench.estimate)?;
             symmetric::restore(&mut bench.noise, bench.noise_diagonal);
         } else {
@@ -145,8 +145,7 @@ impl<T: Real, M: PartiallyLinear + ?Sized> Epoch<'_, T, M> {
         }
         let ambiguities = tail(relaxed.mean, real).iter().zip(bench.integers.iter_mut().zip(&mut *bench.fraction));
         for (index, (&mean, (integer, fraction))) in ambiguities.enumerate() {
-            let fits = libm::fabs(mean) < MAX_AMBIGUITY;
-            if !fits {
+            if !is_plausible(mean) {
                 return Err(FilterError::Ambiguity { index });
             }
             let whole = libm::round(mean);

@@ -21,7 +21,7 @@
 
 use super::super::update::{Form, Stage, VECTORS, Work, project};
 use super::density::Density;
-use super::{FilterError, MAX_AMBIGUITY};
+use super::{FilterError, is_plausible};
 use crate::integer::{Config, Workspace, resolve};
 use crate::linalg::{
     LinalgError, Mat, MatMut, axpy, cholesky, copy, head, head_mut, projection, symmetric, triangular,
@@ -156,8 +156,7 @@ impl<T: Real> Bench<'_, T> {
                 let rounded = fraction.round();
                 *whole += rounded.to_f64();
                 *fraction -= rounded;
-                let fits = libm::fabs(*whole) < MAX_AMBIGUITY;
-                if !fits {
+                if !is_plausible(*whole) {
                     return Err(FilterError::Ambiguity { index });
                 }
             }
@@ -378,7 +377,7 @@ impl<T: Real, const X: usize, const A: usize, const P: usize> RecursiveMils<T, X
         let y = |i: usize| y.get(i).copied().unwrap_or(0.0);
 
         bench.s.copy_from(*r)?;
-        project(relaxed.p.as_ref(), h, 0, &mut bench.rows, &mut bench.s);
+        project(relaxed.p.as_ref(), h, 0, &mut bench.rows, &mut bench.s, |_, _, _| ());
         cholesky::factor(&mut bench.s)?;
         triangular::forward_rows(bench.s.as_ref(), &mut bench.rows)?;
         bench.columns.copy_from(*g)?;

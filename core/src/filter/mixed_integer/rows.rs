@@ -45,7 +45,7 @@ pub(super) fn innovation(
     innovation
 }
 
-/// Checks that all rows of a model keep to its own shape.
+/// Checks that all rows of a model keep to its own shape, depend on something and have a noise.
 pub(super) fn check(model: &(impl PartiallyLinear + ?Sized), shape: &Shape) -> Result<(), FilterError> {
     let u = model.nonlinear();
     for row in 0..shape.rows() {
@@ -57,6 +57,10 @@ pub(super) fn check(model: &(impl PartiallyLinear + ?Sized), shape: &Shape) -> R
             finite &= coefficient.is_finite();
             empty &= coefficient == 0.0;
         });
+        let variance = if row < shape.correlated { model.noise(row, row) } else { model.variance(row) };
+        if !(variance > 0.0 && variance.is_finite()) {
+            return Err(UpdateError::IndefiniteNoise { row }.into());
+        }
         match (fits, finite, empty) {
             (false, ..) => return Err(FilterError::Shape),
             (_, false, _) => return Err(FilterError::NotFinite),

@@ -26,7 +26,7 @@ mod stage;
 
 use core::fmt;
 
-pub(crate) use sequential::{project, remove};
+pub(crate) use sequential::{explain, project};
 pub use stage::{Stage, VECTORS, Work};
 
 use crate::linalg::symmetric::{self, Defect};

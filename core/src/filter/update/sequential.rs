@@ -3,11 +3,11 @@
 //! V = J P,  S = V Jᵀ + R = L Lᵀ,  W = L⁻¹ V,  z = L⁻¹ ν,   correction += Wᵀ z,   P ← P − Wᵀ W
 //! ```
 //! which is m scalar updates with the rows of P touched once: L_ii² are their innovation variances. Independent rows go
-//! four at a time, so that a row with one coefficient costs n²/2 multiply-adds and a quarter of the loads.
+//! four at a time, so that a row with one coefficient costs n²/2 multiply-adds and a quarter of the loads of P.
 
 use core::ops::Range;
 
-use super::stage::{Stage, VECTORS, product};
+use super::stage::{Stage, VECTORS};
 use super::{Rows, UpdateError};
 use crate::linalg::{Mat, MatMut, axpy, cholesky, head, head_mut, symmetric, triangular};
 use crate::real::Real;
@@ -32,8 +32,7 @@ pub(super) fn independent<T: Real>(
             s.set(i, i, variance(first + i));
         }
         let mut v = stage.work.vectors.block_mut(0, 0, m, n)?;
-        project(stage.p.as_ref(), rows, first, &mut v, &mut s);
-        remove(stage.correction, rows, first, z);
+        project(stage.p.as_ref(), rows, first, &mut v, &mut s, explain(z, stage.correction));
         apply(stage.correction, &mut stage.p, &mut v, &mut s, z).map_err(|error| at(error, first))?;
         gauge(stage, m, z_squared(z), cholesky::log_determinant(s.as_ref()));
     }
@@ -50,60 +49,63 @@ pub(super) fn correlated<T: Real>(
 ) -> Result<(), UpdateError> {
     let (m, n) = (innovation.len(), stage.correction.len());
     let mut v = stage.work.rows.block_mut(0, 0, m, n)?;
-    project(stage.p.as_ref(), rows, first, &mut v, noise);
-    remove(stage.correction, rows, first, innovation);
+    project(stage.p.as_ref(), rows, first, &mut v, noise, explain(innovation, stage.correction));
     apply(stage.correction, &mut stage.p, &mut v, noise, innovation).map_err(|error| at(error, first))?;
     gauge(stage, m, z_squared(innovation), cholesky::log_determinant(noise.as_ref()));
     Ok(())
 }
 
-/// `v` ← J P, and `s` += J P Jᵀ in its lower triangle, for the rows from `first` on.
+/// Coefficients of a row that are kept, so that its model is asked once.
+const KEPT: usize = 16;
+
+/// `v` ← J P, and `s` += J P Jᵀ in its lower triangle, for the rows from `first` on. Calls `also` with each coefficient: row
+/// counted from `first`, state, value.
 pub(crate) fn project<T: Real>(
     p: Mat<'_, T>,
     rows: &impl Rows<T>,
     first: usize,
     v: &mut MatMut<'_, T>,
     s: &mut MatMut<'_, T>,
+    mut also: impl FnMut(usize, usize, T),
 ) {
-    for (i, row) in v.iter_mut().enumerate() {
-        row.fill(T::ZERO);
-        rows.for_each(first + i, &mut |state, coefficient| symmetric::add_row(p, state, coefficient, row));
-    }
-    for j in 0..v.rows() {
-        // A few coefficients at a time, so that the loop over the rows of V is tight.
-        let mut entries = [(0, T::ZERO); 8];
+    for i in 0..v.rows() {
+        let (above, v_i) = v.split_row(i);
+        v_i.fill(T::ZERO);
+        let mut kept = [(0, T::ZERO); KEPT];
         let mut count = 0;
-        rows.for_each(first + j, &mut |state, coefficient| {
-            if count == entries.len() {
-                add_products(&entries, v, s, j);
-                count = 0;
-            }
-            if let Some(entry) = entries.get_mut(count) {
-                *entry = (state, coefficient);
+        rows.for_each(first + i, &mut |state, coefficient| {
+            symmetric::add_row(p, state, coefficient, v_i);
+            also(i, state, coefficient);
+            if let Some(slot) = kept.get_mut(count) {
+                *slot = (state, coefficient);
             }
             count += 1;
         });
-        add_products(head(&entries, count), v, s, j);
-    }
-}
-
-/// `s`_ij += Σ coefficient · `v`_i,state for i ≥ j.
-fn add_products<T: Real>(entries: &[(usize, T)], v: &MatMut<'_, T>, s: &mut MatMut<'_, T>, j: usize) {
-    for (s, v) in s.iter_mut().zip(v.iter()).skip(j) {
-        if let Some(s) = s.get_mut(j) {
-            for &(state, coefficient) in entries {
-                if let Some(&v) = v.get(state) {
-                    *s += coefficient * v;
+        let v_i = &*v_i;
+        let mut add = |entries: &[(usize, T)]| {
+            for (s, v) in s.row_mut(i).iter_mut().zip(above.iter().chain([v_i])) {
+                for &(state, coefficient) in entries {
+                    *s += coefficient * v.get(state).copied().unwrap_or_default();
                 }
             }
+        };
+        if count <= KEPT {
+            add(head(&kept, count));
+        } else {
+            rows.for_each(first + i, &mut |state, coefficient| add(&[(state, coefficient)]));
         }
     }
 }
 
-/// Takes off the innovations what the correction so far explains.
-pub(crate) fn remove<T: Real>(correction: &[T], rows: &impl Rows<T>, first: usize, innovation: &mut [T]) {
-    for (i, innovation) in innovation.iter_mut().enumerate() {
-        *innovation -= product(rows, first + i, correction);
+/// Takes off the innovations what the correction explains: what [`project`] calls with each coefficient.
+pub(crate) fn explain<'a, T: Real>(
+    innovation: &'a mut [T],
+    correction: &'a [T],
+) -> impl FnMut(usize, usize, T) + use<'a, T> {
+    move |row, state, coefficient| {
+        if let (Some(innovation), Some(&correction)) = (innovation.get_mut(row), correction.get(state)) {
+            *innovation -= coefficient * correction;
+        }
     }
 }
 

@@ -8,7 +8,7 @@
 use core::ops::Range;
 
 use super::{Form, Gauge, Rows, UpdateError, joseph, not_positive_definite, sequential};
-use crate::linalg::{MatMut, axpy, block, cholesky, dot, square_root, symmetric};
+use crate::linalg::{MatMut, axpy, block, cholesky, dot, scale, square_root, symmetric};
 use crate::real::Real;
 
 /// Rows of [`Work::vectors`].
@@ -32,17 +32,6 @@ pub struct Stage<'a, T> {
     pub(super) p: MatMut<'a, T>,
     pub(super) work: Work<'a, T>,
     pub(super) gauge: Gauge<T>,
-}
-
-/// hᵀ x of a sparse row.
-pub(super) fn product<T: Real>(rows: &impl Rows<T>, row: usize, x: &[T]) -> T {
-    let mut sum = T::ZERO;
-    rows.for_each(row, &mut |state, coefficient| {
-        if let Some(&x) = x.get(state) {
-            sum += coefficient * x;
-        }
-    });
-    sum
 }
 
 /// Writes a row out.
@@ -173,12 +162,14 @@ fn scalar<T: Real>(
 ) -> Result<(), UpdateError> {
     let innovation = innovation - dot(h, correction);
     let s = match form {
-        Form::Array => square_root::update(p, h, variance, gain, first, second)
-            .inspect(|s| crate::linalg::scale(gain, T::ONE / s.sqrt())),
+        Form::Array => square_root::update(p, h, variance, gain, first, second),
         _ => joseph::update(p, h, variance, gain, first, second),
     };
     // Finite rows and noises whose s is not positive and finite: P is not a covariance.
     let s = s.map_err(|_| UpdateError::IndefiniteNoise { row: 0 })?;
+    if form == Form::Array {
+        scale(gain, T::ONE / s.sqrt());
+    }
     axpy(correction, innovation, gain);
     gauge.rows += 1;
     gauge.normalized_innovation_squared += innovation * innovation / s;
