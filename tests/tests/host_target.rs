@@ -12,8 +12,7 @@ use surefix::log::{LogInputs, LogReader, LogWriter};
 use surefix::process::run::Engine;
 use surefix_core::real::Real;
 use surefix_core::rtk::RtkConfig;
-use surefix_tests::section_v::Drive;
-use surefix_tests::shared;
+use surefix_tests::{section_v, shared};
 
 const MACHINES: [&str; 2] = ["an386", "an500"];
 
@@ -108,7 +107,7 @@ fn a_real_drive_is_answered_alike() {
 }
 
 /// The host's answer of the filter of Section V to a log, and the constrained position at each epoch.
-fn section_v<T: Real>(log: &[u8]) -> (Vec<u8>, Vec<Vector3<f64>>) {
+fn host_section_v<T: Real>(log: &[u8]) -> (Vec<u8>, Vec<Vector3<f64>>) {
     let mut frames = LogWriter::new(Vec::new());
     let mut positions = Vec::new();
     replay::<T, _>(&mut LogReader::new("log", log).unwrap(), |answer| {
@@ -126,9 +125,9 @@ fn section_v<T: Real>(log: &[u8]) -> (Vec<u8>, Vec<Vector3<f64>>) {
 #[test]
 fn the_filter_of_section_v_answers_alike() {
     let Some(xtask) = xtask() else { return };
-    let log = Drive::new(1, 300).log();
-    let (double, positions) = section_v::<f64>(&log);
-    let (single, single_positions) = section_v::<f32>(&log);
+    let (log, _) = section_v::run(0, 300);
+    let (double, positions) = host_section_v::<f64>(&log);
+    let (single, single_positions) = host_section_v::<f32>(&log);
     assert_eq!(positions.len(), 300);
     assert_same("an500", &target(&xtask, "section_v64", "an500", &log), &double);
     assert_same("an386", &target(&xtask, "section_v32", "an386", &log), &single);
@@ -143,7 +142,7 @@ fn the_filter_of_section_v_answers_alike() {
 fn a_damaged_log_of_section_v_is_answered_alike() {
     let Some(xtask) = xtask() else { return };
     for (first, setup_is_lost) in [(400, false), (50, true)] {
-        let mut log = Drive::new(2, 40).log();
+        let (mut log, _) = section_v::run(1, 40);
         for place in (first..log.len()).step_by(6000) {
             log[place] ^= 0x10;
         }

@@ -23,6 +23,7 @@ Files in DIR (of the parts that are done):
   configurations.csv  every number of every row of every table, with standard errors
   detectors.csv       false alarms and detections of both slip detectors over the threshold
   figure1.{svg,png,csv}  errors of one run over time
+  figure1.sfl         measurements of that run, a device log for `surefix replay` and firmware
 
 Exit code 1 if a number of the acceptance table lies outside its band.
 The bands are for 60 runs: with fewer, numbers leave them by chance.

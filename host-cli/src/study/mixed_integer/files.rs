@@ -1,12 +1,14 @@
-//! The study as files: CSV of every number with all its digits, and the figure.
+//! The study as files: CSV of every number with all its digits, the figure, and its run as a device log.
 
 use super::super::plot::png::{self, PngError};
 use super::super::plot::svg;
 use super::super::statistics::Estimate;
 use super::acceptance::BANDS;
+use super::constellation::Constellation;
 use super::detector_curve::{Curve, SIGMA_PROJECTION, SIGMA_WEIGHTED};
 use super::trial::{Position, Snapshot};
-use super::{Study, figure};
+use super::{Study, device_log, figure, section};
+use crate::study::monte_carlo;
 use crate::write::partial_file::PartialFile;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -51,8 +53,17 @@ impl Study {
             files.push(("figure1.csv", epochs(track).map_err(in_directory)?));
             files.push(("figure1.svg", svg::render(&drawing).into_bytes()));
             files.push(("figure1.png", png::render(&drawing)?));
+            files.push(("figure1.sfl", self.track_as_log().map_err(in_directory)?));
         }
         files.into_iter().map(|(name, content)| write(&directory.join(name), &content)).collect()
+    }
+}
+
+impl Study {
+    /// The measurements of the run in the figure.
+    fn track_as_log(&self) -> io::Result<Vec<u8>> {
+        let random = monte_carlo::stream(self.settings.seed, 0);
+        device_log::record(&section::nominal(), &Constellation::new(), random).map(|(log, _)| log)
     }
 }
 

@@ -13,6 +13,7 @@
 //! | [`report`] | the tables on screen |
 //! | [`files`] | the tables as CSV |
 //! | [`figure`] | Fig. 1 |
+//! | [`device_log`] | a run for `surefix replay` and firmware |
 //!
 //! Cost: a run of 300 epochs is 300 steps of the filter; the whole study is some 55 configurations of `runs` runs, each
 //! configuration once, however many tables it stands in.
@@ -20,6 +21,7 @@
 pub mod acceptance;
 pub mod constellation;
 pub mod detector_curve;
+pub mod device_log;
 pub mod figure;
 pub mod files;
 pub mod outcome;
