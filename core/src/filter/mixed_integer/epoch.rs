@@ -61,7 +61,7 @@ impl<T: Real, M: PartiallyLinear + ?Sized> Epoch<'_, T, M> {
         let mut stage = Stage::begin(options.form, relaxed.correction, relaxed.p.reborrow(), work)?;
         let mean = &*relaxed.mean;
         if group == Group::Correlated {
-            stage.correlated_in_two(&rows, 0, shape.unambiguous, bench.innovation, &mut bench.noise)?;
+            stage.correlated(&rows, 0, bench.innovation, &mut bench.noise)?;
         } else {
             let nu = |row| T::from_f64(innovation(*model, row, value_of(y, row), 0.0, |state| value_of(mean, state)));
             stage.independent(&rows, shape.correlated..shape.rows(), nu, |row| T::from_f64(model.variance(row)))?;
@@ -190,7 +190,7 @@ impl<T: Real, M: PartiallyLinear + ?Sized> Epoch<'_, T, M> {
         stage.independent(&rows, shape.correlated..shape.rows(), nu, |row| T::from_f64(model.variance(row)))?;
         let taken = if gated { shape.unambiguous } else { shape.correlated };
         let mut noise = bench.noise.block_mut(0, 0, taken, taken)?;
-        stage.correlated_in_two(&rows, 0, shape.unambiguous, head_mut(bench.innovation, taken), &mut noise)?;
+        stage.correlated(&rows, 0, head_mut(bench.innovation, taken), &mut noise)?;
         let gauge = stage.finish()?;
         constrained.correct();
         Ok(gauge)

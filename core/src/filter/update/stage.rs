@@ -123,27 +123,6 @@ impl<'a, T: Real> Stage<'a, T> {
         Ok(())
     }
 
-    /// As [`Self::correlated`], the first `split` rows before the others. To be preferred where the first are much less
-    /// precise, as codes before phases: P then shrinks in two steps instead of one, and [`Form::Sequential`] keeps a
-    /// hundred times more of it, which single precision needs.
-    pub fn correlated_in_two(
-        &mut self,
-        rows: &impl Rows<T>,
-        first: usize,
-        split: usize,
-        innovation: &mut [T],
-        noise: &mut MatMut<'_, T>,
-    ) -> Result<(), UpdateError> {
-        let m = innovation.len();
-        if self.form != Form::Sequential || split == 0 || split >= m {
-            return self.correlated(rows, first, innovation, noise);
-        }
-        if [noise.rows(), noise.cols()] != [m; 2] || self.work.rows.rows() < m {
-            return Err(UpdateError::Shape);
-        }
-        sequential::correlated_in_two(self, rows, first, split, innovation, noise)
-    }
-
     /// Ends the stage: P is a covariance again.
     pub fn finish(mut self) -> Result<Gauge<T>, UpdateError> {
         if self.form == Form::Array {
