@@ -53,7 +53,10 @@ fn structure_changes_nothing() {
 /// the same integers.
 #[test]
 fn single_precision_is_enough() {
-    for (seed, form) in [(1, Form::Sequential), (2, Form::Sequential), (3, Form::Joseph), (4, Form::Array)] {
+    // Seeds 1, 8 and 11 are those that strained the plain form most: 2 to 5 mm after a first epoch without the array form.
+    let forms =
+        [(1, Form::Sequential), (8, Form::Sequential), (11, Form::Sequential), (3, Form::Joseph), (4, Form::Array)];
+    for (seed, form) in forms {
         let run = Run::new(13, 300, 0.005, seed);
         let options = Options { form, ..Options::default() };
         let (mut single, mut double) = (started::<f32>(&run, options), started::<f64>(&run, options));
@@ -66,7 +69,6 @@ fn single_precision_is_enough() {
                 worst = worst.max((single.constrained_mean()[axis] - double.constrained_mean()[axis]).abs());
             }
         }
-        println!("seed {seed} {form:?}: {worst:.2e} m");
         assert!(worst < 2e-3, "seed {seed} {form:?}: {worst} m");
     }
 }

@@ -27,6 +27,14 @@ pub fn copy_row<T: Real>(p: Mat<'_, T>, i: usize, out: &mut [T]) {
     p.zip_below(i, tail_mut(head_mut(out, p.rows()), i + 1), |&p, out| *out = p);
 }
 
+/// hᵀ P h.
+pub fn quadratic_form<T: Real>(p: Mat<'_, T>, h: &[T]) -> T {
+    h.iter().zip(p.iter()).enumerate().fold(T::ZERO, |sum, (i, (&h_i, row))| {
+        let below = dot(head(row, i), h);
+        sum + h_i * (below + below + h_i * p.at(i, i))
+    })
+}
+
 /// P_ij for any i and j, 0 where there is none.
 fn entry<T: Real>(p: &MatMut<'_, T>, i: usize, j: usize) -> T {
     p.at(i.max(j), i.min(j))
@@ -248,6 +256,9 @@ mod tests {
                 prop_assert_eq!(copied[j], if j <= i { a[i * n + j] } else { a[j * n + i] });
                 prop_assert_eq!(added[j], copied[j]);
             }
+            let variance = quadratic_form(p, &copied);
+            let expected = dot(&copied, &spd::product(n, &a, &spd::transposed(n, &a))[i * n..(i + 1) * n]);
+            prop_assert!((variance / expected - 1.0).abs() < 1e-9, "(row i) P (row i)ᵀ = (P P)ᵢ · (row i)");
         }
 
         #[test]

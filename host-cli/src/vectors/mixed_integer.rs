@@ -19,7 +19,7 @@ pub fn recognises(root: &Value) -> bool {
     root.get("epochs").is_some() && root.get("sats").is_some()
 }
 
-/// Runs it with every form of the update that is safe for its prior.
+/// Runs it with every form of the update.
 pub fn run(source: &Source, report: &mut Report) {
     for (form, name) in [(Form::Sequential, "sequential"), (Form::Joseph, "joseph"), (Form::Array, "array")] {
         if let Err(error) = run_form(Inputs(&source.root), form, name, report) {
@@ -27,9 +27,6 @@ pub fn run(source: &Source, report: &mut Report) {
         }
     }
 }
-
-/// The prior position above which the plain form is not safe `[m]`.
-const SAFE_FOR_PLAIN: f64 = 100.0;
 
 fn run_form(root: Inputs, form: Form, name: &str, report: &mut Report) -> Result<(), CaseError> {
     let parameters = root.object("params")?;
@@ -49,9 +46,6 @@ fn run_form(root: Inputs, form: Form, name: &str, report: &mut Report) -> Result
     let prior = root.object("prior")?;
     let (m_x, m_n) = (prior.list("m_x")?, prior.list("m_n")?);
     let (p_x, p_n) = (prior.list_of("P_xx_diag", m_x.len())?, prior.list_of("P_nn_diag", m_n.len())?);
-    if form == Form::Sequential && p_x[0].sqrt() > SAFE_FOR_PLAIN {
-        return Ok(());
-    }
     let fixing = match parameters.text("ar")? {
         "lambda" => Fixing::LeastSquares,
         "bootstrapping" | "bootstrap" => Fixing::Bootstrapping,

@@ -44,7 +44,8 @@ pub enum Output {
 pub struct Options {
     /// Linearisation rule.
     pub rule: Rule,
-    /// Form of the measurement update.
+    /// Form of the measurement update. The plain form gives way to the array form in an epoch whose nonlinear states are
+    /// too uncertain for it, such as the first.
     pub form: Form,
     /// Slip detector.
     pub detector: Detector,
