@@ -25,9 +25,9 @@
 //!
 //! Stack: below 1.5 KB beyond that of [`super::mixed_integer`]. Panic contract: none.
 
-use super::linearize::{LinearizeError, Rule};
-use super::mixed_integer::{Detector, FilterError, Fixing, Options, Outcome, Output, SectionV};
-use super::update::{Form, UpdateError};
+use super::linearize::LinearizeError;
+use super::mixed_integer::{FilterError, Options, Outcome, SectionV};
+use super::update::UpdateError;
 use crate::gnss::time::GpsTime;
 use crate::integer::Method;
 use crate::linalg::Mat;
@@ -49,21 +49,6 @@ pub const SATELLITES: usize = 13;
 const ROWS: usize = 5 * SATELLITES - 2;
 /// Most states, 4 N + 5.
 const STATES: usize = 4 * SATELLITES + 5;
-
-/// Options until a setup brings others.
-const UNSET: Options = Options {
-    rule: Rule::Cubature,
-    form: Form::Sequential,
-    detector: Detector::Projection,
-    threshold: 1.0,
-    sigma_jump: 10.0,
-    sigma_stay: 0.1,
-    common_jump: false,
-    fixing: Fixing::LeastSquares,
-    search_budget: 100_000,
-    output: Output::DualDensity,
-    gate: 0.0,
-};
 
 /// Mean and standard deviations of the states before the first epoch, independent of each other. Means are zero but for
 /// the position.
@@ -109,7 +94,7 @@ impl<T: Real> SectionVEngine<T> {
     /// An engine that was told nothing.
     pub const fn new() -> Self {
         Self {
-            filter: SectionV::new(UNSET),
+            filter: SectionV::new(Options::DEFAULT),
             setup: None,
             started: false,
             satellites: heapless::Vec::new(),

@@ -86,7 +86,7 @@ const AGREEMENT: f64 = 0.75;
 
 /// The jump common to all ambiguities of one reference satellite, if their estimates look like one `[cycles]`.
 ///
-/// It needs at least three, all of one size within [`AGREEMENT`], a mean nearer to another integer than to 0, and a third
+/// It needs at least three, all of one size within `AGREEMENT`, a mean nearer to another integer than to 0, and a third
 /// of them beyond `threshold`: without the last a common error of the prediction would pass for it.
 pub fn common_jump<T: Real>(estimates: &[T], threshold: f64) -> Option<i64> {
     let n = estimates.len();

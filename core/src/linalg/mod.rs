@@ -20,7 +20,7 @@
 //!
 //! Nothing here allocates or panics. Shapes are checked once on entry; where a function fails on its numbers, its
 //! documentation says what state the arguments are left in. Behind the check there is no index that could fail: rows
-//! are walked by iterators or cut by [`head`], [`tail`] and [`around`], so that the compiler leaves no panic behind.
+//! are walked by iterators or cut by `head`, `tail` and `around`, so that the compiler leaves no panic behind.
 
 pub mod block;
 pub mod cholesky;

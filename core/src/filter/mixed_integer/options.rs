@@ -69,20 +69,25 @@ pub struct Options {
     pub gate: f64,
 }
 
+impl Options {
+    /// The default, for a `static`.
+    pub const DEFAULT: Self = Self {
+        rule: Rule::Cubature,
+        form: Form::Sequential,
+        detector: Detector::Projection,
+        threshold: 1.0,
+        sigma_jump: 10.0,
+        sigma_stay: 0.1,
+        common_jump: false,
+        fixing: Fixing::LeastSquares,
+        search_budget: 100_000,
+        output: Output::DualDensity,
+        gate: 0.0,
+    };
+}
+
 impl Default for Options {
     fn default() -> Self {
-        Self {
-            rule: Rule::Cubature,
-            form: Form::Sequential,
-            detector: Detector::Projection,
-            threshold: 1.0,
-            sigma_jump: 10.0,
-            sigma_stay: 0.1,
-            common_jump: false,
-            fixing: Fixing::LeastSquares,
-            search_budget: 100_000,
-            output: Output::DualDensity,
-            gate: 0.0,
-        }
+        Self::DEFAULT
     }
 }
