@@ -131,9 +131,8 @@ pub struct MixedIntegerFilter<T, const N: usize, const X: usize, const A: usize,
 /// Room for Section V of the paper: 13 satellites, 57 + 45 states, 63 rows.
 ///
 /// 73 KB in `f64`, 39 KB in `f32`. An epoch with the default options takes 1.9 million instructions on a Cortex-M7 in
-/// `f64` and 3.2 million on a Cortex-M4F in `f32` (QEMU; instructions are not cycles); the weighted detector adds a
-/// fifth. In `f32` the constrained position stays within 0.1 mm of that in `f64`; its first epoch, with a wide prior, takes
-/// 3.9 million.
+/// `f64` and 3.2 million on a Cortex-M4F in `f32` (QEMU; instructions are not cycles). In `f32` the constrained position
+/// stays within 0.1 mm of that in `f64`; its first epoch, with a wide prior, takes 3.9 million.
 pub type SectionV<T> = MixedIntegerFilter<T, 57, 45, 12, 24>;
 
 impl<T: Real, const N: usize, const X: usize, const A: usize, const C: usize> MixedIntegerFilter<T, N, X, A, C> {
