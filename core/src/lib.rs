@@ -35,5 +35,6 @@ pub mod log;
 pub mod model;
 pub mod real;
 pub mod rtk;
+pub mod smooth;
 pub mod spp;
 pub mod stats;

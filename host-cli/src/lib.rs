@@ -10,6 +10,7 @@ pub mod log;
 pub mod process;
 pub mod read;
 pub mod simulate;
+pub mod smooth;
 pub mod study;
 pub mod vectors;
 pub mod write;
