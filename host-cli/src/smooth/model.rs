@@ -115,12 +115,15 @@ pub struct Sums {
     pub quadratic: Vec<f64>,
     /// For each parameter the number of scalars in that sum.
     pub count: Vec<f64>,
+    /// For each parameter the sum of ln det shape, which only the value of the EM objective needs.
+    pub log_determinant: Vec<f64>,
 }
 
 impl Sums {
     /// Nothing yet, for so many parameters.
     pub fn new(parameters: usize) -> Self {
-        Self { quadratic: vec![0.0; parameters], count: vec![0.0; parameters] }
+        let zeros = vec![0.0; parameters];
+        Self { quadratic: zeros.clone(), count: zeros.clone(), log_determinant: zeros }
     }
 
     /// Adds one term.
@@ -129,13 +132,20 @@ impl Sums {
         self.count[parameter] += count;
     }
 
+    /// Adds ln det shape of a term.
+    pub fn add_log_determinant(&mut self, parameter: usize, log_determinant: f64) {
+        self.log_determinant[parameter] += log_determinant;
+    }
+
     /// Adds those of another span.
     pub fn merge(&mut self, other: &Self) {
-        for (sum, &more) in self.quadratic.iter_mut().zip(&other.quadratic) {
-            *sum += more;
-        }
-        for (sum, &more) in self.count.iter_mut().zip(&other.count) {
-            *sum += more;
+        let lists = [
+            (&mut self.quadratic, &other.quadratic),
+            (&mut self.count, &other.count),
+            (&mut self.log_determinant, &other.log_determinant),
+        ];
+        for (sums, more) in lists {
+            sums.iter_mut().zip(more).for_each(|(sum, &more)| *sum += more);
         }
     }
 
@@ -175,13 +185,17 @@ pub trait Model {
     /// The step from epoch k to k + 1, with the parameters in force.
     fn transition(&self, k: usize, transition: &mut Transition);
 
-    /// Before the update of epoch k > 0 of a first pass: detects what changes the step k − 1 → k (slips), given the
-    /// predicted density; true if the step is another one now and the prediction has to be repeated.
+    /// Before a pass that detects: forgets what [`Model::detect`] found in an earlier one.
+    fn forget_detections(&mut self) {}
+
+    /// Before the update of epoch k > 0 of a pass that detects: finds what changes the step k − 1 → k (slips), given the
+    /// predicted density; true if the step is another one now and the prediction has to be repeated. In all other passes
+    /// the steps stay as they were found.
     fn detect(&mut self, _k: usize, _predicted: &Density, _scratch: &mut Scratch) -> bool {
         false
     }
 
-    /// Updates the predicted density with the measurements of epoch k.
+    /// Updates the predicted density with the measurements of epoch k; the gauge of an epoch without any has no rows.
     fn update(&self, k: usize, density: &mut Density, scratch: &mut Scratch) -> Result<Gauge<f64>, UpdateError>;
 
     /// Adds to `sums` what the measurement residuals of epoch k say of the parameters of R, given the smoothed density.
@@ -198,7 +212,8 @@ pub trait Model {
 
     /// Fixes integers of epoch k, by their arcs, to values `[cycles]`; the states are gone from this and, where the model
     /// knows arcs, from the other epochs of the arc, once all fixes of a round were given and [`Model::settle`] is called.
-    /// Returns how many contradict what was fixed before and were left out.
+    /// (Where arcs are fixed as a whole, this is called with the same value at each of their epochs, so that a model need
+    /// not know arcs.) Returns how many contradict what was fixed before and were left out.
     fn fix(&mut self, k: usize, integers: &[Integer], values: &[f64]) -> usize;
 
     /// Makes the fixes given since the last call effective: numbers of states change.
