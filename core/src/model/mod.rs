@@ -2,6 +2,7 @@
 
 pub mod combination;
 pub mod motion;
+pub mod multi_band;
 pub mod noise;
 pub mod partially_linear;
 pub mod virtual_bias;

@@ -7,9 +7,11 @@
 //! | [`plot`] | line plots as SVG and PNG, without system fonts |
 //! | [`mixed_integer`] | Section V of Greiff et al. (CCTA 2021) |
 //! | [`drive`] | its choices on a real drive |
+//! | [`smoothing`] | Section 5 of Greiff et al. (2023) |
 
 pub mod drive;
 pub mod mixed_integer;
 pub mod monte_carlo;
 pub mod plot;
+pub mod smoothing;
 pub mod statistics;

@@ -20,6 +20,7 @@ pub mod integer;
 pub mod kalman;
 pub mod mixed_integer;
 pub mod moments;
+pub mod multi_band;
 pub mod orbits;
 pub mod recursive;
 pub mod report;
@@ -53,6 +54,9 @@ const FORMATS: &[Format] = &[
     Format { recognises: mixed_integer::recognises, run: mixed_integer::run },
     Format { recognises: recursive::recognises, run: recursive::run },
     Format { recognises: slips::recognises, run: slips::run },
+    Format { recognises: multi_band::geometry::recognises, run: multi_band::geometry::run },
+    Format { recognises: multi_band::measurement::recognises, run: multi_band::measurement::run },
+    Format { recognises: multi_band::moments::recognises, run: multi_band::moments::run },
 ];
 
 /// A vector file, read.

@@ -1,0 +1,3 @@
+//! Simulations of Greiff et al., *Adaptive Smoothing with Ambiguity Fixation for GNSS Post-Processing* (2023).
+
+pub mod geometry;
