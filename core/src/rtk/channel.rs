@@ -50,6 +50,8 @@ pub(super) struct Channel {
     pub carrier: Option<Carrier>,
     /// The accepted integer nᵢ, 0 for the reference.
     pub fixed: Option<f64>,
+    /// Number of its arc, see [`Channels::new_arc`].
+    pub arc: u32,
 }
 
 impl Channel {
@@ -81,15 +83,23 @@ pub(super) fn group(constellation: Constellation, slot: usize) -> usize {
 #[derive(Clone, Debug)]
 pub(super) struct Channels<const C: usize> {
     list: Vec<Channel, C>,
+    /// Arcs so far.
+    arcs: u32,
 }
 
 impl<const C: usize> Channels<C> {
     pub const fn new() -> Self {
-        Self { list: Vec::new() }
+        Self { list: Vec::new(), arcs: 0 }
     }
 
     pub fn clear(&mut self) {
         self.list.clear();
+    }
+
+    /// A number for an arc, a span over which an ambiguity stays the same; none is given twice.
+    pub fn new_arc(&mut self) -> u32 {
+        self.arcs = self.arcs.wrapping_add(1);
+        self.arcs
     }
 
     pub fn as_slice(&self) -> &[Channel] {
@@ -207,6 +217,7 @@ mod tests {
             phase: 0.0,
             carrier: None,
             fixed: None,
+            arc: 0,
         }
     }
 

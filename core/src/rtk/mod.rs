@@ -15,6 +15,7 @@
 //! * `channel`: which ambiguity sits where; exact change of reference.
 //! * `track`: births, deaths, slips, outliers.
 //! * `fix`: integers and the constrained density.
+//! * [`evidence`]: the measurements of an epoch as they were used, to be used again.
 //!
 //! Frames: ECEF; metres, metres per second; ambiguities in cycles, reference minus satellite.
 //!
@@ -25,6 +26,7 @@
 mod channel;
 pub mod config;
 mod constrained;
+pub mod evidence;
 #[cfg(feature = "log")]
 pub mod feed;
 mod fix;
@@ -114,6 +116,8 @@ pub struct RtkFilter<const C: usize, const N: usize, const E: usize> {
     latest: Option<GpsTime>,
     /// Where the relaxed density is linearised; its first three states are the position error.
     position: Vector3<f64>,
+    /// Where the links of the latest epoch were computed.
+    linearized: Vector3<f64>,
     density: Gaussian<f64, N>,
     channels: Channels<C>,
     observations: Vec<Observation, C>,
@@ -152,6 +156,7 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
             time: None,
             latest: None,
             position: Vector3::new(0.0, 0.0, 0.0),
+            linearized: Vector3::new(0.0, 0.0, 0.0),
             density: Gaussian::new(),
             channels: Channels::new(),
             observations: Vec::new(),
@@ -353,6 +358,7 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
     fn build_links(&mut self, time: GpsTime) {
         self.links.clear();
         let (Some(base_time), Some(base_position)) = (self.base.time, self.base_position) else { return };
+        self.linearized = self.position;
         let rover_station = Station::new(time, self.position);
         let base_station = Station::new(base_time, base_position);
         let age = time.since(base_time);
@@ -409,6 +415,7 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
             let computed = rover_sight.computed - base_sight.computed;
             let doppler = rover.doppler.map(|d| -wavelength * d - rover_sight.computed_rate).filter(|x| x.is_finite());
             let carrier = rover.phase.zip(rover.doppler);
+            let code_variance = fdma * (of(rover, &self.config.code) + of(base, &self.config.code)) + common;
             let link = Link {
                 satellite: id,
                 slot,
@@ -418,7 +425,8 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
                 range: rover_sight.range,
                 sin_elevation: sine,
                 code: rover.code.zip(base.code).map(|(r, b)| r - b - computed).filter(|x| x.is_finite()),
-                code_variance: fdma * (of(rover, &self.config.code) + of(base, &self.config.code)) + common,
+                code_variance,
+                single_code_variance: code_variance,
                 phase: rover
                     .phase
                     .zip(base.phase)

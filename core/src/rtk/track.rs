@@ -396,6 +396,7 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
             let jump = (anchor - b) / channel.unit() - self.ambiguity(&channel);
             if channel.is_integer() { libm::round(jump) } else { jump }
         });
+        let arc = self.channels.new_arc();
         let (Some(link), Some(tracked)) = (self.links.get_mut(index), self.channels.as_mut_slice().get_mut(i)) else {
             return;
         };
@@ -413,6 +414,7 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
             }
         }
         link.reopened = true;
+        tracked.arc = arc;
         tracked.lock = 0;
         tracked.fixed = None;
         tracked.slip_pending = false;
@@ -440,6 +442,7 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
                 phase: 0.0,
                 carrier: None,
                 fixed: None,
+                arc: 0,
             };
             // Without a code there is nothing to start from; the phase waits for one.
             let Some(b) = self.phase_minus_code(index, 0.0) else { continue };
@@ -447,6 +450,7 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
             channel.offset = libm::round((b - anchor) / channel.wavelength);
             let mean = (anchor - (b - channel.wavelength * channel.offset)) / channel.unit();
             let sigma = self.config.screening.sigma_slip * channel.wavelength / channel.unit();
+            channel.arc = self.channels.new_arc();
             // A channel without room is not tracked: its code still serves.
             let added = self.channels.add(&mut self.density, channel, mean, sigma * sigma).ok();
             if let Some(link) = self.links.get_mut(index) {
