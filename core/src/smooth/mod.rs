@@ -8,6 +8,7 @@
 //! * [`rts`]: the moments of x given all measurements, from those of x⁺ (Rauch–Tung–Striebel).
 //! * [`disturbance`]: the same by an adjoint pair (r, N), without gains or inverses (Bryson–Frazier).
 //! * [`em`]: the sums of which the M-step of EM is the quotient.
+//! * [`fixed_lag`]: a ring of the latest epochs, smoothed on request.
 //!
 //! All matrices are views. Covariances are read and written in their lower triangles only; the strict upper ones may hold
 //! anything and are left alone.
@@ -15,6 +16,7 @@
 pub mod disturbance;
 pub mod em;
 mod error;
+pub mod fixed_lag;
 pub mod predict;
 pub mod rts;
 pub mod step;
