@@ -105,6 +105,8 @@ pub struct Evidence<'a> {
     pub time: GpsTime,
     /// Where the epoch was linearised: the predicted position of the antenna reference point, ECEF `[m]`.
     pub position: Vector3<f64>,
+    /// The same of the rover's marker, of which a log has solutions.
+    pub marker: Vector3<f64>,
     links: &'a [Link],
     channels: &'a [Channel],
 }
@@ -122,7 +124,7 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
     pub fn evidence(&self) -> Option<Evidence<'_>> {
         let time = self.time.filter(|_| self.time == self.latest)?;
         let (links, channels) = (self.links.as_slice(), self.channels.as_slice());
-        Some(Evidence { time, position: self.linearized, links, channels })
+        Some(Evidence { time, position: self.linearized, marker: self.marker(self.linearized), links, channels })
     }
 }
 

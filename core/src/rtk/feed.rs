@@ -59,7 +59,7 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
     /// The solution of the rover's antenna reference point, brought down to the marker.
     fn at_marker(&self, mut solution: Solution) -> Solution {
         if solution.quality < Quality::None {
-            solution.position -= above_marker(&solution.position, &self.rover_antenna);
+            solution.position = self.marker(solution.position);
         }
         solution
     }
@@ -75,7 +75,7 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
 }
 
 /// The vector from a marker to its antenna reference point, ECEF `[m]`, for an antenna `[up, east, north]` `[m]` of it.
-fn above_marker(place: &Vector3<f64>, [up, east, north]: &[f64; 3]) -> Vector3<f64> {
+pub(super) fn above_marker(place: &Vector3<f64>, [up, east, north]: &[f64; 3]) -> Vector3<f64> {
     Geodetic::from_ecef(place).enu_to_ecef(&Vector3::new(*east, *north, *up))
 }
 

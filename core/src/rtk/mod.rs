@@ -269,6 +269,14 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
         solution
     }
 
+    /// The rover's marker, for a position of its antenna reference point.
+    fn marker(&self, antenna: Vector3<f64>) -> Vector3<f64> {
+        #[cfg(feature = "log")]
+        return antenna - feed::above_marker(&antenna, &self.rover_antenna);
+        #[cfg(not(feature = "log"))]
+        antenna
+    }
+
     /// Forgets everything but configuration and ephemerides.
     fn restart(&mut self) {
         self.time = None;

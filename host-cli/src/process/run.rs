@@ -7,6 +7,7 @@ use super::stream::Input;
 use surefix_core::gnss::solution::Solution;
 use surefix_core::log::{self, Config, Event, Station};
 use surefix_core::rtk::RtkConfig;
+use surefix_core::rtk::evidence::Evidence;
 use surefix_core::rtk::preset::Rtk128;
 
 /// The engine of the host: the largest preset.
@@ -31,6 +32,11 @@ impl Engine {
     /// The configuration in force.
     pub fn config(&self) -> &RtkConfig {
         self.filter.config()
+    }
+
+    /// The measurements of the latest rover epoch as they were used, see [`surefix_core::rtk::evidence`].
+    pub fn evidence(&self) -> Option<Evidence<'_>> {
+        self.filter.evidence()
     }
 
     /// Takes one input; a rover epoch is answered by a solution.
