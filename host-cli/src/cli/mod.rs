@@ -1,5 +1,6 @@
 //! The command line: raw arguments → validated configuration → run. One file a subcommand.
 
+use crate::write::partial_file::PartialFile;
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 
@@ -25,10 +26,11 @@ struct Cli {
 
 const EXIT_CODES: &str = "\
 Exit codes:
-  0  done
-  1  ran, but the result is not good: a check failed, or no epoch has a position
-  2  wrong usage of the command line
-  3  an input cannot be used; the message names the file, the place and the remedy";
+    0  done
+    1  ran, but the result is not good: a check failed, or no epoch has a position
+    2  wrong usage of the command line
+    3  an input cannot be used; the message names the file, the place and the remedy
+  130  interrupted; no half-written file is left";
 
 #[derive(Subcommand, Debug)]
 #[allow(clippy::large_enum_variant)] // there is only ever one
@@ -52,9 +54,24 @@ pub enum Outcome {
     Bad,
 }
 
+/// Exit code of a process that was interrupted, as shells have it: 128 + SIGINT.
+const INTERRUPTED: i32 = 130;
+
+/// On Ctrl-C, and where there are such signals SIGTERM and SIGHUP: removes what is half written and ends the process.
+fn watch_for_interruption() {
+    let watched = ctrlc::set_handler(|| {
+        eprintln!("interrupted; files that were not complete are removed");
+        PartialFile::end_process(INTERRUPTED)
+    });
+    if let Err(error) = watched {
+        eprintln!("warning: an interruption would leave files called *.partial ({error})");
+    }
+}
+
 /// Parses the command line, runs the command and returns the process's exit code.
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
+    watch_for_interruption();
     let outcome = match cli.command {
         Command::Post(args) => post::run(&args),
         Command::Simulate(args) => simulate::run(&args),

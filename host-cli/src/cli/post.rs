@@ -80,10 +80,7 @@ pub fn process(
     let mut results = Results::create(output, &files.rover, &header)?;
     let warnings = std::mem::take(&mut open.warnings);
     warnings.into_iter().for_each(|warning| results.summary.warn(warning));
-    if let Err(error) = run_engine(&mut open, Engine::new(config), &mut results) {
-        results.discard();
-        return Err(error);
-    }
+    run_engine(&mut open, Engine::new(config), &mut results)?;
     for report in [open.rover.report(), open.base.report()].into_iter().chain(&open.navigation.reports) {
         for (reason, tally) in &report.dropped {
             results.summary.dropped(format!("{}: {reason}", report.file), tally.count);
