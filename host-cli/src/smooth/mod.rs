@@ -1,7 +1,17 @@
 //! Smoothing of recorded data: forward and backward passes, integers on either posterior, EM for the noise.
 //!
 //! * [`model`]: what a smoother is told about the world, whichever engine or study it comes from.
-//! * [`rtk`]: what the RTK engine recorded, smoothed.
+//! * [`rtk`]: what the RTK engine recorded, smoothed; [`dense`]: a linear model by its matrices.
+//! * [`pass`]: forward and backward passes; [`history`]: the densities between them, within a budget of memory.
+//! * [`integers`]: fixing on either posterior, by epoch or by arc.
+//! * [`progress`]: time left, and how to stop.
 
+#[cfg(test)]
+mod batch;
+pub mod dense;
+pub mod history;
+pub mod integers;
 pub mod model;
+pub mod pass;
+pub mod progress;
 pub mod rtk;
