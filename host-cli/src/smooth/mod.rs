@@ -1,7 +1,8 @@
 //! Smoothing of recorded data: forward and backward passes, integers on either posterior, EM for the noise.
 //!
 //! * [`model`]: what a smoother is told about the world, whichever engine or study it comes from.
-//! * [`rtk`]: what the RTK engine recorded, smoothed; [`dense`]: a linear model by its matrices.
+//! * [`rtk`]: what the RTK engine recorded, smoothed; [`multi_band`]: recorded epochs of the DD-IF and SD-IF models of
+//!   Greiff (2023); [`dense`]: a linear model by its matrices.
 //! * [`pass`]: forward and backward passes; [`history`]: the densities between them, within a budget of memory.
 //! * [`integers`]: fixing on either posterior, by epoch or by arc.
 //! * [`progress`]: time left, and how to stop.
@@ -12,6 +13,7 @@ pub mod dense;
 pub mod history;
 pub mod integers;
 pub mod model;
+pub mod multi_band;
 pub mod pass;
 pub mod progress;
 pub mod rtk;

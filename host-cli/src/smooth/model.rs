@@ -169,6 +169,8 @@ pub struct Integer {
 pub struct Scratch {
     /// Lists of numbers.
     pub buffers: [Vec<f64>; 8],
+    /// A list of decisions.
+    pub flags: Vec<bool>,
 }
 
 /// A model of epochs 0 to K, whose parameters θ and integers can be set.
