@@ -10,10 +10,10 @@
 
 use super::model::{Density, Integer, Model};
 use super::pass::Epoch;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use surefix_core::integer::accept::{Decision, Thresholds};
 use surefix_core::integer::resolve::{Config, Method, Workspace, resolve};
-use surefix_core::integer::{IntegerError, bootstrap, decorrelate};
+use surefix_core::integer::{IntegerError, bootstrap, decorrelate, success_rate};
 use surefix_core::linalg::{Mat, MatMut};
 
 /// Most ambiguities of an epoch; of more, the least certain stay float.
@@ -100,6 +100,13 @@ pub struct IntegerReport {
     pub contradictions: usize,
 }
 
+impl IntegerReport {
+    /// Whether anything was fixed.
+    pub fn found(&self) -> bool {
+        if self.arcs > 0 { self.fixed_arcs > 0 } else { self.whole + self.partial > 0 }
+    }
+}
+
 /// Memory for the ambiguities of one epoch.
 #[derive(Debug)]
 struct Resolver {
@@ -164,16 +171,14 @@ impl Resolver {
             decorrelate::decorrelate(&mut factor, &mut d, &mut MatMut::square(&mut z, n)?, &mut inverse)?;
         }
         // Fractions only: 1e7 cycles would cost digits.
-        let base: Vec<f64> = self.mean.iter().map(|mean| mean.round()).collect();
-        let fraction: Vec<f64> = self.mean.iter().zip(&base).map(|(mean, base)| mean - base).collect();
-        let (mut reduced, mut residual) = (vec![0.0; n], vec![0.0; n]);
-        let mut rounded = vec![0; n];
+        self.values.clear();
+        self.values.extend(self.mean.iter().map(|mean| mean.round() as i64));
+        let fraction: Vec<f64> = self.mean.iter().map(|mean| mean - mean.round()).collect();
+        let (mut reduced, mut residual, mut rounded) = (vec![0.0; n], vec![0.0; n], vec![0; n]);
         decorrelate::transform(Mat::square(&z, n)?, &fraction, &mut reduced)?;
         bootstrap::bootstrap(&reduced, Mat::square(&self.covariance, n)?, &d, &mut rounded, &mut residual)?;
-        self.values.resize(n, 0);
         decorrelate::back_transform_integers(Mat::square(&inverse, n)?, &rounded, &mut self.values)?;
-        self.values.iter_mut().zip(&base).for_each(|(value, &base)| *value += base as i64);
-        let success = surefix_core::integer::success_rate::bootstrapped(&d);
+        let success = success_rate::bootstrapped(&d);
         let only_success = |thresholds: Thresholds| {
             let lenient = Thresholds { ratio: 0.0, difference: f64::NEG_INFINITY, ..thresholds };
             lenient.decide(success, Method::LeastSquares, 0.0, 1.0) == Decision::Accepted
@@ -199,7 +204,7 @@ pub struct Fixer {
     /// By epoch, where those are fixed by themselves.
     epochs: Vec<(usize, Vec<Integer>, Vec<f64>)>,
     arcs: BTreeMap<usize, Arc>,
-    seen: std::collections::BTreeSet<usize>,
+    seen: BTreeSet<usize>,
     list: Vec<Integer>,
 }
 

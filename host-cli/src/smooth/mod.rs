@@ -5,15 +5,21 @@
 //!   Greiff (2023); [`dense`]: a linear model by its matrices.
 //! * [`pass`]: forward and backward passes; [`history`]: the densities between them, within a budget of memory.
 //! * [`integers`]: fixing on either posterior, by epoch or by arc.
+//! * [`rtsap`]: smoothing with fixed integers, Algorithm 1 of the paper; [`app`]: the same with learned noise, Algorithm 2.
+//! * [`em`]: learning the noise; [`objective`]: the function that EM minimises.
 //! * [`progress`]: time left, and how to stop.
 
+pub mod app;
 #[cfg(test)]
 mod batch;
 pub mod dense;
+pub mod em;
 pub mod history;
 pub mod integers;
 pub mod model;
 pub mod multi_band;
+pub mod objective;
 pub mod pass;
 pub mod progress;
 pub mod rtk;
+pub mod rtsap;

@@ -177,6 +177,20 @@ impl<'a> Passes<'a> {
         self.history.as_ref().map(History::storage)
     }
 
+    /// Tells who watches that so many more passes over all epochs are to come.
+    pub(super) fn expect<M: Model + ?Sized>(&self, model: &M, passes: usize) {
+        if let Some(progress) = self.options.progress {
+            progress.expect(passes * model.epochs());
+        }
+    }
+
+    /// Tells who watches that so many epochs of passes are not needed after all.
+    pub(super) fn spare(&self, epochs: usize) {
+        if let Some(progress) = self.options.progress {
+            progress.spare(epochs);
+        }
+    }
+
     /// A forward pass over steps as they are.
     pub fn forward<M: Model + ?Sized>(&mut self, model: &M) -> Result<Fit, PassError> {
         self.run(Access::Frozen(model))
