@@ -25,3 +25,18 @@ fn multi_band_models() {
     passes("vectors/app/03_measurement_DD.json");
     passes("vectors/app/03_measurement_SD.json");
 }
+
+#[test]
+fn linear_filter_and_smoother() {
+    passes("vectors/app/01_rts_ltv.json");
+}
+
+#[test]
+fn steps_of_em() {
+    passes("vectors/app/04_em_small.json");
+}
+
+#[test]
+fn integers_of_float_solutions() {
+    passes("vectors/app/06_integer_fix.json");
+}

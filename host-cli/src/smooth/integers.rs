@@ -13,7 +13,8 @@ use super::pass::Epoch;
 use std::collections::{BTreeMap, BTreeSet};
 use surefix_core::integer::accept::{Decision, Thresholds};
 use surefix_core::integer::resolve::{Config, Method, Workspace, resolve};
-use surefix_core::integer::{IntegerError, bootstrap, decorrelate, success_rate};
+use surefix_core::integer::success_rate::{self, Probability};
+use surefix_core::integer::{IntegerError, bootstrap, decorrelate};
 use surefix_core::linalg::{Mat, MatMut};
 
 /// Most ambiguities of an epoch; of more, the least certain stay float.
@@ -163,28 +164,36 @@ impl Resolver {
     }
 
     fn bootstrapping(&mut self) -> Result<bool, IntegerError> {
-        let n = self.mean.len();
-        let (mut d, mut z, mut inverse) = (vec![0.0; n], vec![0; n * n], vec![0; n * n]);
-        {
-            let mut factor = MatMut::square(&mut self.covariance, n)?;
-            let mut inverse = MatMut::square(&mut inverse, n)?;
-            decorrelate::decorrelate(&mut factor, &mut d, &mut MatMut::square(&mut z, n)?, &mut inverse)?;
-        }
-        // Fractions only: 1e7 cycles would cost digits.
-        self.values.clear();
-        self.values.extend(self.mean.iter().map(|mean| mean.round() as i64));
-        let fraction: Vec<f64> = self.mean.iter().map(|mean| mean - mean.round()).collect();
-        let (mut reduced, mut residual, mut rounded) = (vec![0.0; n], vec![0.0; n], vec![0; n]);
-        decorrelate::transform(Mat::square(&z, n)?, &fraction, &mut reduced)?;
-        bootstrap::bootstrap(&reduced, Mat::square(&self.covariance, n)?, &d, &mut rounded, &mut residual)?;
-        decorrelate::back_transform_integers(Mat::square(&inverse, n)?, &rounded, &mut self.values)?;
-        let success = success_rate::bootstrapped(&d);
+        let success = bootstrap_decorrelated(&self.mean, &mut self.covariance, &mut self.values)?;
         let only_success = |thresholds: Thresholds| {
             let lenient = Thresholds { ratio: 0.0, difference: f64::NEG_INFINITY, ..thresholds };
             lenient.decide(success, Method::LeastSquares, 0.0, 1.0) == Decision::Accepted
         };
         Ok(self.options.thresholds.is_none_or(only_success))
     }
+}
+
+/// Bootstrapping after decorrelation: the integers of `mean` (n) into `values`, and its success rate. The `covariance`
+/// (n × n) is spoilt.
+pub fn bootstrap_decorrelated(
+    mean: &[f64],
+    covariance: &mut [f64],
+    values: &mut Vec<i64>,
+) -> Result<Probability, IntegerError> {
+    let n = mean.len();
+    let (mut d, mut z, mut inverse) = (vec![0.0; n], vec![0; n * n], vec![0; n * n]);
+    let mut factor = MatMut::square(covariance, n)?;
+    let mut to_inverse = MatMut::square(&mut inverse, n)?;
+    decorrelate::decorrelate(&mut factor, &mut d, &mut MatMut::square(&mut z, n)?, &mut to_inverse)?;
+    // Fractions only: 1e7 cycles would cost digits.
+    values.clear();
+    values.extend(mean.iter().map(|mean| mean.round() as i64));
+    let fraction: Vec<f64> = mean.iter().map(|mean| mean - mean.round()).collect();
+    let (mut reduced, mut residual, mut rounded) = (vec![0.0; n], vec![0.0; n], vec![0; n]);
+    decorrelate::transform(Mat::square(&z, n)?, &fraction, &mut reduced)?;
+    bootstrap::bootstrap(&reduced, factor.as_ref(), &d, &mut rounded, &mut residual)?;
+    decorrelate::back_transform_integers(Mat::square(&inverse, n)?, &rounded, values)?;
+    Ok(success_rate::bootstrapped(&d))
 }
 
 /// What the epochs of an arc say of its integer.

@@ -156,6 +156,40 @@ pub mod least_squares {
     }
 }
 
+/// Float solutions of a smoother: the nearest integers, and those of bootstrapping where they are the same. (Where they are
+/// not, they depend on the decorrelation.)
+pub mod smoothed {
+    use super::*;
+    use crate::smooth::integers::bootstrap_decorrelated;
+
+    /// Whether a file is of this kind.
+    pub fn recognises(root: &Value) -> bool {
+        first_case_has(root, "boot_sqnorm")
+    }
+
+    /// Runs it.
+    pub fn run(source: &Source, report: &mut Report) {
+        run_cases(source, report, run_case);
+    }
+
+    fn run_case(id: &str, case: Inputs, report: &mut Report) -> Result<(), CaseError> {
+        let (a, (n, mut q)) = (case.list("a")?, case.square("Q")?);
+        let mut workspace = Box::new(Workspace::<f64, CAPACITY>::new());
+        let found = resolve(&a, Mat::square(&q, n)?, &Config::default(), &mut workspace)?;
+        let (nearest, bootstrapped) = (case.list("ils")?, case.list("boot")?);
+        report.compare("nearest", id, &json!(found.best), &json!(nearest), Some(0.0));
+        // The norm of the nearest integers of a itself: the search rounds a first and loses no digits, but a has.
+        compare(report, "norm", id, found.best_norm, case.number("ils_sqnorm")?, 1e-6);
+        let mut values = Vec::new();
+        let rate = bootstrap_decorrelated(&a, &mut q, &mut values)?;
+        if nearest == bootstrapped {
+            report.compare("bootstrapped", id, &json!(values), &json!(bootstrapped), Some(0.0));
+        }
+        holds(report, "success_rate.near", id, rate.success >= 0.98 * case.number("boot_success")?);
+        Ok(())
+    }
+}
+
 /// Bootstrapping the original ambiguities in a given order.
 pub mod bootstrapping {
     use super::*;

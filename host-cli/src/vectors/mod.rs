@@ -15,9 +15,11 @@ pub mod case;
 pub mod combinations;
 pub mod coordinates;
 pub mod data;
+pub mod expectation;
 pub mod inputs;
 pub mod integer;
 pub mod kalman;
+pub mod linear_smoother;
 pub mod mixed_integer;
 pub mod moments;
 pub mod multi_band;
@@ -46,9 +48,12 @@ const FORMATS: &[Format] = &[
     Format { recognises: case::recognises, run: case::run },
     Format { recognises: integer::decorrelation::recognises, run: integer::decorrelation::run },
     Format { recognises: integer::least_squares::recognises, run: integer::least_squares::run },
+    Format { recognises: integer::smoothed::recognises, run: integer::smoothed::run },
     Format { recognises: integer::bootstrapping::recognises, run: integer::bootstrapping::run },
     Format { recognises: integer::success_bounds::recognises, run: integer::success_bounds::run },
     Format { recognises: integer::success_rates::recognises, run: integer::success_rates::run },
+    Format { recognises: linear_smoother::recognises, run: linear_smoother::run },
+    Format { recognises: expectation::recognises, run: expectation::run },
     Format { recognises: kalman::recognises, run: kalman::run },
     Format { recognises: moments::recognises, run: moments::run },
     Format { recognises: mixed_integer::recognises, run: mixed_integer::run },
