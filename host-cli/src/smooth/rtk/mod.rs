@@ -2,13 +2,29 @@
 //! noise, integers fixed on the smoothing posterior, noise learned by EM (Greiff et al. 2023).
 //!
 //! * [`tape`]: what the engine used, epoch by epoch.
+//! * [`model`]: states, transitions and measurements of a tape; [`clusters`], [`noise`], [`rows`]: its parts.
+//! * [`fix`]: integers on the smoothing posterior.
+//! * [`answer`]: from smoothed densities to solutions.
 //! * [`report`]: what smoothing found out.
 
+pub mod answer;
+pub mod clusters;
+pub mod fix;
+pub mod model;
+pub mod noise;
 pub mod report;
+pub mod rows;
 pub mod tape;
 
-use report::Report;
+use crate::smooth::model::Model;
+use crate::smooth::pass::{PassError, PassOptions, Passes};
+use crate::smooth::progress::Progress;
+use fix::Samples;
+use model::RtkModel;
+use noise::{Kind, Noise, TimeConstants};
+use report::{Consistency, Learned, Report};
 use surefix_core::gnss::solution::Solution;
+use tape::Tape;
 
 /// How to smooth.
 #[derive(Clone, Copy, Debug)]
@@ -17,11 +33,24 @@ pub struct Options {
     pub em: bool,
     /// Memory for filtered densities, in bytes.
     pub budget: usize,
+    /// Whether multipath is modelled as coloured noise.
+    pub coloured: bool,
+    /// Correlation times of multipath.
+    pub time_constants: TimeConstants,
+    /// Uncertainty of the antennas' phase centres, horizontal (each axis) and vertical `[m]`: constant over a run, so that
+    /// no data can tell it; added to the covariances that are reported.
+    pub phase_centres: [f64; 2],
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { em: false, budget: 512 << 20 }
+        Self {
+            em: false,
+            budget: 512 << 20,
+            coloured: true,
+            time_constants: TimeConstants { code: 20.0, phase: 60.0 },
+            phase_centres: [0.001, 0.002],
+        }
     }
 }
 
@@ -32,4 +61,112 @@ pub struct Smoothed {
     pub solutions: Vec<Solution>,
     /// What was found out.
     pub report: Report,
+}
+
+/// Iterations of EM before integers are fixed, and after.
+const ITERATIONS: [usize; 2] = [8, 12];
+/// Rounds of fixing: those fixed help the rest.
+const ROUNDS: usize = 4;
+
+/// Smooths a tape.
+pub fn smooth(tape: &Tape, options: &Options, progress: Option<&Progress>) -> Result<Smoothed, PassError> {
+    let passes = Passes::new(PassOptions { budget: options.budget, storage: None, progress });
+    let noise = Noise::new(tape, options.time_constants, options.coloured);
+    let start = noise.parameters().to_vec();
+    let mut run = Run { passes, model: RtkModel::new(tape, noise), report: Report::default() };
+    if options.em {
+        run.learn(ITERATIONS[0])?;
+    }
+    run.fix()?;
+    if options.em {
+        run.learn(ITERATIONS[1])?;
+        run.fix()?;
+    }
+    run.model.take_gauges();
+    let fit = run.forward()?;
+    run.report.negative_log_likelihood.push(fit);
+    run.report.consistency = consistency(&run.model);
+    let mut solutions = tape.solutions().to_vec();
+    let model = &run.model;
+    run.passes.backward(model, |epoch| {
+        answer::answer(model, epoch.k, epoch.smoothed, options.phase_centres, &mut solutions[epoch.k]);
+    })?;
+    run.report.parameters = learned(&start, &run.model);
+    run.report.arcs = fix::count(&run.model);
+    Ok(Smoothed { solutions, report: run.report })
+}
+
+struct Run<'t, 'p> {
+    passes: Passes<'p>,
+    model: RtkModel<'t>,
+    report: Report,
+}
+
+impl Run<'_, '_> {
+    /// A forward pass; returns −ln likelihood.
+    fn forward(&mut self) -> Result<f64, PassError> {
+        if let Some(progress) = self.passes.options().progress {
+            progress.expect(2 * self.model.epochs());
+        }
+        self.report.passes += 1;
+        Ok(self.passes.forward(&self.model)?.negative_log_likelihood())
+    }
+
+    /// Iterations of EM with the integers of the time.
+    fn learn(&mut self, iterations: usize) -> Result<(), PassError> {
+        for _ in 0..iterations {
+            let value = self.forward()?;
+            self.report.negative_log_likelihood.push(value);
+            let sums = self.passes.backward_learning(&self.model, |_| ())?;
+            let variances: Vec<f64> = self
+                .model
+                .parameters()
+                .iter()
+                .enumerate()
+                .map(|(j, parameter)| {
+                    let learned = sums.variance(j).filter(|variance| parameter.learned && variance.is_finite());
+                    learned.unwrap_or(parameter.variance).clamp(parameter.bounds[0], parameter.bounds[1])
+                })
+                .collect();
+            self.model.set_variances(&variances);
+        }
+        Ok(())
+    }
+
+    /// Rounds of fixing on the smoothing posterior.
+    fn fix(&mut self) -> Result<(), PassError> {
+        for _ in 0..ROUNDS {
+            self.forward()?;
+            let mut samples = Samples::new(&self.model);
+            let model = &self.model;
+            self.passes.backward(model, |epoch| samples.take(model, epoch.k, epoch.smoothed))?;
+            if samples.fix(&mut self.model) == 0 {
+                break;
+            }
+        }
+        Ok(())
+    }
+}
+
+fn consistency(model: &RtkModel<'_>) -> Vec<Consistency> {
+    let gauges = model.take_gauges();
+    let of = |kind: Kind| {
+        let gauge = gauges[kind as usize];
+        let mean = gauge.normalized_innovation_squared / gauge.rows as f64;
+        (gauge.rows > 0).then_some(Consistency { of: kind.name(), count: gauge.rows, mean })
+    };
+    Kind::ALL.into_iter().filter_map(of).collect()
+}
+
+fn learned(start: &[crate::smooth::model::Parameter], model: &RtkModel<'_>) -> Vec<Learned> {
+    let pairs = start.iter().zip(model.parameters());
+    pairs
+        .map(|(start, end)| Learned {
+            name: start.name.clone(),
+            unit: start.unit,
+            start: start.variance.sqrt(),
+            end: end.variance.sqrt(),
+            learned: start.learned,
+        })
+        .collect()
 }
