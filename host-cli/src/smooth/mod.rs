@@ -5,6 +5,7 @@
 //!   Greiff (2023); [`dense`]: a linear model by its matrices.
 //! * [`pass`]: forward and backward passes; [`history`]: the densities between them, within a budget of memory.
 //! * [`integers`]: fixing on either posterior, by epoch or by arc.
+//! * [`vector`]: the kernels compiled for the vector unit at hand.
 //! * [`progress`]: time left, and how to stop.
 
 #[cfg(test)]
@@ -17,3 +18,4 @@ pub mod multi_band;
 pub mod pass;
 pub mod progress;
 pub mod rtk;
+pub mod vector;
