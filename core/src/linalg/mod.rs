@@ -16,6 +16,7 @@
 //! | [`block`] | Kalman update by several correlated measurements, whitening |
 //! | [`symmetric`] | congruences and updates of the lower triangle alone |
 //! | [`square_root`] | Kalman update of a Cholesky factor by rotations |
+//! | [`tiles`] | dense products, factors and solves of larger matrices |
 //! | [`projection`] | least squares by orthogonal columns |
 //!
 //! Nothing here allocates or panics. Shapes are checked once on entry; where a function fails on its numbers, its
@@ -33,6 +34,7 @@ pub mod sequential;
 pub(crate) mod spd;
 pub mod square_root;
 pub mod symmetric;
+pub mod tiles;
 pub mod triangular;
 pub mod view;
 

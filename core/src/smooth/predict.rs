@@ -13,6 +13,7 @@ use crate::linalg::{Mat, MatMut, symmetric};
 use crate::real::Real;
 
 /// The moments of x⁺. `work` is n⁺ × n and returns F P.
+#[inline(always)]
 pub fn predict<T: Real>(
     step: &Step<'_, T>,
     filtered: Moments<'_, T>,
@@ -36,6 +37,7 @@ pub fn predict<T: Real>(
 }
 
 /// out ← F x + b.
+#[inline(always)]
 pub(super) fn map_mean<T: Real>(step: &Step<'_, T>, x: &[T], out: &mut [T]) {
     for (i, (out, &offset)) in out.iter_mut().zip(step.offset).enumerate() {
         *out = offset + sparse_dot(step.map.row(i), x);
@@ -43,6 +45,7 @@ pub(super) fn map_mean<T: Real>(step: &Step<'_, T>, x: &[T], out: &mut [T]) {
 }
 
 /// `out` ← F P for the symmetric P of which the lower triangle counts.
+#[inline(always)]
 pub(super) fn map_rows<T: Real>(step: &Step<'_, T>, p: Mat<'_, T>, out: &mut MatMut<'_, T>) {
     for (i, row) in out.iter_mut().enumerate() {
         row.fill(T::ZERO);
@@ -53,6 +56,7 @@ pub(super) fn map_rows<T: Real>(step: &Step<'_, T>, p: Mat<'_, T>, out: &mut Mat
 }
 
 /// Σ coefficient · x_column.
+#[inline(always)]
 fn sparse_dot<T: Real>(entries: &[(usize, T)], x: &[T]) -> T {
     entries
         .iter()
@@ -61,6 +65,7 @@ fn sparse_dot<T: Real>(entries: &[(usize, T)], x: &[T]) -> T {
 }
 
 /// P ← P + Q in the lower triangle.
+#[inline(always)]
 fn add_noise<T: Real>(step: &Step<'_, T>, p: &mut MatMut<'_, T>) {
     for block in step.noise {
         for (&i, shape) in block.states.iter().zip(&block.shape).take(block.dim) {

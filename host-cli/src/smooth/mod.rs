@@ -7,6 +7,7 @@
 //! * [`integers`]: fixing on either posterior, by epoch or by arc.
 //! * [`rtsap`]: smoothing with fixed integers, Algorithm 1 of the paper; [`app`]: the same with learned noise, Algorithm 2.
 //! * [`em`]: learning the noise; [`objective`]: the function that EM minimises.
+//! * [`vector`]: the kernels compiled for the vector unit at hand.
 //! * [`progress`]: time left, and how to stop.
 
 pub mod app;
@@ -23,3 +24,4 @@ pub mod pass;
 pub mod progress;
 pub mod rtk;
 pub mod rtsap;
+pub mod vector;

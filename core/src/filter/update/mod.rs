@@ -20,6 +20,7 @@
 //!
 //! Panic contract: none. Errors leave mean and covariance unchanged ([`update`]).
 
+pub mod information;
 mod joseph;
 mod sequential;
 mod stage;

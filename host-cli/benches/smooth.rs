@@ -1,0 +1,201 @@
+//! Steps of the smoother on matrices of the size of Greiff et al. (2023), and what of the processor they use:
+//! `cargo bench -p surefix --bench smooth`.
+//!
+//! The peak is that of a loop that multiplies and adds in registers alone, without fused operations, as the steps do.
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use std::hint::black_box;
+use std::time::Instant;
+use surefix::smooth::vector::vectorised;
+use surefix_core::filter::update::information::{self, Information};
+use surefix_core::linalg::MatMut;
+use surefix_core::smooth::step::{Block, SparseMap, Step};
+use surefix_core::smooth::{Moments, MomentsMut, predict, rts};
+
+/// States of the double-difference model of ten satellites, relaxed and fixed.
+const SIZES: [usize; 2] = [71, 44];
+/// Satellites.
+const SATELLITES: usize = 10;
+
+/// A model of the size and the sparsity of the real one: half of the states are pairs of value and rate.
+struct Problem {
+    n: usize,
+    ends: Vec<usize>,
+    entries: Vec<(usize, f64)>,
+    offset: Vec<f64>,
+    noise: Vec<Block<f64>>,
+    /// Rows of every satellite, one list for each of 9 groups.
+    rows: Vec<Vec<Vec<(usize, f64)>>>,
+    mean: Vec<f64>,
+    covariance: Vec<f64>,
+}
+
+impl Problem {
+    fn new(n: usize) -> Self {
+        let rates = 20;
+        let (mut ends, mut entries, mut noise) = (Vec::new(), Vec::new(), Vec::new());
+        for i in 0..n {
+            entries.push((i, 1.0));
+            if i < rates {
+                entries.push((n - rates + i, 5.0));
+            }
+            ends.push(entries.len());
+            let shape = [[1.0, 0.0, 0.0], [0.0; 3], [0.0; 3]];
+            noise.push(Block { states: [i, 0, 0], dim: 1, shape, scale: 0.1, component: None });
+        }
+        let coefficient = |i: usize, j: usize| ((i * 7 + j * 13) % 17) as f64 / 17.0 - 0.4;
+        let rows = (0..9)
+            .map(|group| {
+                (0..SATELLITES)
+                    .map(|satellite| {
+                        let z = (0..4).map(|j| (n - 1 - j, coefficient(satellite, j)));
+                        let others = [satellite, 10 + satellite, (20 + group * 3 + satellite) % (n - 4)];
+                        z.chain(others.map(|state| (state, 1.0))).collect()
+                    })
+                    .collect()
+            })
+            .collect();
+        let covariance =
+            (0..n * n).map(|k| if k % (n + 1) == 0 { 2.0 } else { 0.5 / (1.0 + (k / n).abs_diff(k % n) as f64) });
+        Self {
+            n,
+            ends,
+            entries,
+            offset: vec![0.0; n],
+            noise,
+            rows,
+            mean: vec![1.0; n],
+            covariance: covariance.collect(),
+        }
+    }
+
+    fn step(&self) -> Step<'_, f64> {
+        let map = SparseMap { ends: &self.ends, entries: &self.entries, columns: self.n };
+        Step { map, offset: &self.offset, noise: &self.noise }
+    }
+
+    fn moments(&self) -> Moments<'_, f64> {
+        Moments::packed(&self.mean, &self.covariance).expect("square")
+    }
+}
+
+/// Multiply-adds of a backward step and of an update, n³ times these.
+const BACKWARD: f64 = 2.5 + 1.0 / 6.0;
+const UPDATE: f64 = 4.0 / 3.0;
+
+/// Multiplications and additions a second of a loop in registers, the fastest of some runs.
+fn peak() -> f64 {
+    let (runs, factor) = (20_000u32, black_box(0.999_999f64));
+    let mut best = f64::INFINITY;
+    for _ in 0..200 {
+        let start = Instant::now();
+        let mut out = [[0.0; 8]; 4];
+        vectorised(
+            #[inline(always)]
+            || {
+                let mut sums = [[1e-3f64; 8]; 4];
+                for _ in 0..runs {
+                    for row in &mut sums {
+                        for x in row {
+                            *x = *x * factor + factor;
+                        }
+                    }
+                }
+                out = sums;
+                black_box(&mut out);
+            },
+        );
+        best = best.min(start.elapsed().as_secs_f64());
+    }
+    64.0 * f64::from(runs) / best
+}
+
+fn smooth(criterion: &mut Criterion) {
+    let peak = peak();
+    println!("peak without fused operations: {:.1} Gflop/s", peak / 1e9);
+    for n in SIZES {
+        let problem = Problem::new(n);
+        let step = problem.step();
+        let (mut mean, mut p, mut work) = (vec![0.0; n], vec![0.0; n * n], vec![0.0; n * n]);
+        let mut buffer = vec![0.0; rts::buffer_len(n, n).max(information::buffer_len(n))];
+        let (mut smoothed_mean, mut smoothed_p) = (vec![0.0; n], vec![0.0; n * n]);
+        let mut predict = |mean: &mut [f64], p: &mut [f64]| {
+            let mut predicted = MomentsMut::packed(mean, p).expect("square");
+            let mut work = MatMut::square(&mut work, n).expect("square");
+            vectorised(
+                #[inline(always)]
+                || predict::predict(&step, problem.moments(), &mut predicted, &mut work),
+            )
+            .expect("shapes fit");
+        };
+        let time = measure(criterion, &format!("predict {n}"), || predict(&mut mean, &mut p));
+        println!("predict {n}: {time:.1} µs");
+
+        let prior = problem.covariance.clone();
+        let update = || {
+            p.copy_from_slice(&prior);
+            let (buffer, mean, p) = (&mut buffer, &mut mean, &mut p);
+            vectorised(
+                #[inline(always)]
+                || {
+                    let mut information = Information::new(buffer, n)?;
+                    for group in &problem.rows {
+                        information.add_differenced(group.iter().map(|row| (row.as_slice(), 0.1)), 0.01);
+                    }
+                    for state in 0..20 {
+                        information.add(&[(state, 1.0)], 0.0, 1.0);
+                    }
+                    information.update(mean, &mut MatMut::square(p, n)?)
+                },
+            )
+            .expect("well conditioned");
+        };
+        let time = measure(criterion, &format!("update {n}"), update);
+        report("update", n, time, UPDATE, peak);
+
+        let next = problem.covariance.iter().map(|x| 0.5 * x).collect::<Vec<_>>();
+        let (mut predicted_mean, mut predicted_p) = (vec![0.0; n], vec![0.0; n * n]);
+        predict(&mut predicted_mean, &mut predicted_p);
+        let kept = predicted_p.clone();
+        let backward = || {
+            predicted_p.copy_from_slice(&kept);
+            let mut predicted = MomentsMut::packed(&mut predicted_mean, &mut predicted_p).expect("square");
+            let mut smoothed = MomentsMut::packed(&mut smoothed_mean, &mut smoothed_p).expect("square");
+            let next = Moments::packed(&problem.mean, &next).expect("square");
+            let mut work = rts::Work::new(&mut buffer, n, n).expect("long enough");
+            vectorised(
+                #[inline(always)]
+                || rts::smooth(&step, problem.moments(), &mut predicted, next, &mut smoothed, &mut work),
+            )
+            .expect("positive definite");
+        };
+        let time = measure(criterion, &format!("backward {n}"), backward);
+        report("backward", n, time, BACKWARD, peak);
+    }
+}
+
+fn report(what: &str, n: usize, time: f64, multiply_adds: f64, peak: f64) {
+    let flops = 2.0 * multiply_adds * (n as f64).powi(3);
+    let rate = flops / time * 1e6;
+    println!(
+        "{what} {n}: {time:.1} µs, {:.2} Mflop, {:.1} Gflop/s, {:.0} % of the peak",
+        flops / 1e6,
+        rate / 1e9,
+        100.0 * rate / peak
+    );
+}
+
+/// Lets criterion measure, and returns the fastest of some runs `[µs]`.
+fn measure(criterion: &mut Criterion, name: &str, mut run: impl FnMut()) -> f64 {
+    let mut best = f64::INFINITY;
+    for _ in 0..200 {
+        let start = Instant::now();
+        run();
+        best = best.min(1e6 * start.elapsed().as_secs_f64());
+    }
+    criterion.bench_function(name, |bencher| bencher.iter(&mut run));
+    best
+}
+
+criterion_group!(benches, smooth);
+criterion_main!(benches);
