@@ -40,3 +40,26 @@ fn steps_of_em() {
 fn integers_of_float_solutions() {
     passes("vectors/app/06_integer_fix.json");
 }
+
+#[test]
+fn smoothing_with_double_differences() {
+    passes("vectors/app/05_rtsap_DD_E.json");
+    passes("vectors/app/05_rtsap_DD_SR.json");
+}
+
+#[test]
+fn smoothing_with_single_differences() {
+    passes("vectors/app/05_rtsap_SD_E.json");
+}
+
+/// Ambiguities that contradict their prior: wrong fixes, and bootstrapping that differs from integer least squares.
+#[test]
+fn smoothing_from_a_wrong_prior() {
+    passes("vectors/app/07_rtsap_DD_hard.json");
+}
+
+#[test]
+fn steps_of_em_with_the_multi_band_models() {
+    passes("vectors/app/04_em_DD.json");
+    passes("vectors/app/04_em_SD.json");
+}

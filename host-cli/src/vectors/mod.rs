@@ -62,6 +62,8 @@ const FORMATS: &[Format] = &[
     Format { recognises: multi_band::geometry::recognises, run: multi_band::geometry::run },
     Format { recognises: multi_band::measurement::recognises, run: multi_band::measurement::run },
     Format { recognises: multi_band::moments::recognises, run: multi_band::moments::run },
+    Format { recognises: multi_band::adaptation::recognises, run: multi_band::adaptation::run },
+    Format { recognises: multi_band::smoothing::recognises, run: multi_band::smoothing::run },
 ];
 
 /// A vector file, read.
@@ -70,6 +72,8 @@ pub struct Source {
     pub root: Value,
     /// Observation and navigation files that some cases refer to by name.
     pub data: DataFiles,
+    /// Where it is, for files that share their inputs with one beside them.
+    pub directory: Option<PathBuf>,
 }
 
 /// Why a vector file cannot be run at all.
@@ -99,7 +103,7 @@ pub fn run_file(path: &Path, data: Option<&Path>) -> Result<Report, VectorError>
     let bytes = std::fs::read(path).map_err(unreadable)?;
     let root =
         serde_json::from_slice(&bytes).map_err(|source| VectorError::NotJson { path: path.to_owned(), source })?;
-    Ok(run(&Source { root, data: DataFiles::new(data) }))
+    Ok(run(&Source { root, data: DataFiles::new(data), directory: path.parent().map(Path::to_owned) }))
 }
 
 /// Runs a vector file that was read.
@@ -118,7 +122,7 @@ mod tests {
     use serde_json::json;
 
     fn run_json(root: Value) -> Report {
-        run(&Source { root, data: DataFiles::default() })
+        run(&Source { root, data: DataFiles::default(), directory: None })
     }
 
     /// GPS week 1 begins a week after 1980-01-06 (IS-GPS-200N 3.3.4).

@@ -106,6 +106,11 @@ impl MultiBand {
         &self.flags
     }
 
+    /// The values of an epoch's ambiguities `[cycles]`, NaN where they are free.
+    pub fn fixed(&self, k: usize) -> &[f64] {
+        &self.fixed[k]
+    }
+
     /// Sets flags, as if they were detected.
     pub fn set_flags(&mut self, flags: &[Vec<bool>]) {
         for (step, flags) in flags.iter().enumerate().take(self.flags.len()) {

@@ -5,9 +5,11 @@ use super::{Report, Source};
 use nalgebra::Vector3;
 use surefix_core::model::multi_band::{Bands, ClockRows, Satellite, Variances};
 
+pub mod adaptation;
 pub mod geometry;
 pub mod measurement;
 pub mod moments;
+pub mod smoothing;
 
 /// What the files say of a model, for all its epochs.
 pub struct Setting {
