@@ -17,6 +17,7 @@
 use defmt_semihosting as _; // the global logger
 
 pub mod board;
+pub mod fixed_lag;
 mod panic;
 pub mod replay;
 pub mod section_v;

@@ -3,7 +3,12 @@
 //! The firmware is built and run by the task runner, whose path `cargo xtask test` gives in `SUREFIX_XTASK`. Under plain
 //! `cargo test` these tests skip, as they need a Cortex-M toolchain and QEMU.
 
+#[path = "../../firmware-sim/src/fixed_lag/drive.rs"]
+mod drive;
+
+use drive::{Drive, EPOCHS, LAG};
 use nalgebra::Vector3;
+use std::convert::Infallible;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use surefix::cli::files::Files;
@@ -154,4 +159,56 @@ fn a_damaged_log_of_section_v_is_answered_alike() {
         .unwrap();
         assert_same("an500", &target(&xtask, "section_v64", "an500", &log), &answer.finish().unwrap());
     }
+}
+
+/// The smoothed densities of the firmware's example as bytes; and the position errors, filtered and smoothed, of the
+/// epochs that were smoothed `[m]`.
+fn host_drive<T: Real>() -> (Vec<u8>, [Vec<Vector3<f64>>; 2]) {
+    let mut drive = Box::new(Drive::<T>::new());
+    let mut answer = Vec::new();
+    let [mut filtered, mut smoothed] = [Vec::new(), Vec::new()];
+    let error = |found, epoch| Vector3::from(found) - Vector3::from(drive::position(epoch));
+    for epoch in 0..EPOCHS {
+        filtered.push(error(drive.advance().unwrap(), epoch));
+        if let Some(density) = drive.smooth() {
+            let density = density.unwrap();
+            smoothed.push(error(drive::position_of(density.mean), epoch - LAG as u32));
+            drive::write(density, |bytes| {
+                answer.extend_from_slice(bytes);
+                Ok::<(), Infallible>(())
+            })
+            .unwrap();
+        }
+    }
+    filtered.truncate(smoothed.len());
+    (answer, [filtered, smoothed])
+}
+
+/// What the ring is for: ten epochs later a position is known better. In single precision it is as good.
+#[test]
+fn smoothing_with_a_lag_makes_the_drive_better() {
+    let rms =
+        |errors: &[Vector3<f64>]| (errors.iter().map(Vector3::norm_squared).sum::<f64>() / errors.len() as f64).sqrt();
+    let [filtered, smoothed] = host_drive::<f64>().1;
+    let single = &host_drive::<f32>().1[1];
+    assert_eq!(smoothed.len(), EPOCHS as usize - LAG);
+    let apart = smoothed.iter().zip(single).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
+    println!(
+        "filtered {:.4} m, smoothed {:.4} m, single precision {apart:.1e} m apart",
+        rms(&filtered),
+        rms(&smoothed)
+    );
+    assert!(rms(&smoothed) < 0.7 * rms(&filtered));
+    assert!(apart < 0.002);
+}
+
+/// In double precision on both cores, in single precision on the Cortex-M4F.
+#[test]
+fn the_fixed_lag_smoother_answers_alike() {
+    let Some(xtask) = xtask() else { return };
+    let (double, single) = (host_drive::<f64>().0, host_drive::<f32>().0);
+    for machine in MACHINES {
+        assert_same(machine, &target(&xtask, "fixed_lag64", machine, &[]), &double);
+    }
+    assert_same("an386", &target(&xtask, "fixed_lag32", "an386", &[]), &single);
 }

@@ -23,8 +23,8 @@ pub struct Args {
     /// The machine
     #[arg(long, default_value = "an500")]
     machine: Machine,
-    /// The program of the firmware: one of the presets, or section_v64 or section_v32 for a log of the study of
-    /// mixed-integer filters
+    /// The program of the firmware: one of the presets; section_v64 or section_v32 for a log of the study of mixed-integer
+    /// filters; fixed_lag64 or fixed_lag32, which need no log and answer smoothed densities
     #[arg(long, default_value = "replay64")]
     program: String,
 }

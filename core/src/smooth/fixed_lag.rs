@@ -22,7 +22,7 @@
 //! Memory: `EPOCHS` · (`PACKED` + 2 `N` numbers + step) + 7 `N`² numbers of workspace. Cost: storing an epoch copies it; a
 //! step back is 2.7 n³ multiply-adds for n states before and after. Who wants every epoch smoothed, and can wait for it,
 //! takes twice the lag and asks once in L epochs for the depths L to 2L − 1 by [`FixedLag::smooth_each`]: two steps an
-//! epoch instead of L. Stack: below 0.5 KB. Panic contract: none.
+//! epoch instead of L. Stack: no matrix and no vector of states. Panic contract: none.
 //!
 //! ```
 //! use surefix_core::smooth::fixed_lag::{FixedLag, packed};
