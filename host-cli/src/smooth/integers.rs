@@ -261,6 +261,11 @@ impl Fixer {
         }
     }
 
+    /// Epoch, ambiguities and values of each fix, where epochs are fixed by themselves; from the last epoch to the first.
+    pub fn fixes(&self) -> &[(usize, Vec<Integer>, Vec<f64>)] {
+        &self.epochs
+    }
+
     /// Gives the model what was found, and settles it.
     pub fn apply<M: Model + ?Sized>(mut self, model: &mut M) -> IntegerReport {
         let report = &mut self.report;

@@ -4,6 +4,7 @@ use super::Outcome;
 
 mod drive;
 mod mixed_integer;
+mod smoothing;
 
 /// Repeat the simulations of a paper, with the numbers they must give, or compare its choices on a real drive.
 #[derive(clap::Args, Debug)]
@@ -15,6 +16,7 @@ pub struct Args {
 #[derive(clap::Subcommand, Debug)]
 enum Command {
     MixedInteger(mixed_integer::Args),
+    Smoothing(smoothing::Args),
     Drive(drive::Args),
 }
 
@@ -22,6 +24,7 @@ enum Command {
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     match &args.command {
         Command::MixedInteger(args) => mixed_integer::run(args),
+        Command::Smoothing(args) => smoothing::run(args),
         Command::Drive(args) => drive::run(args),
     }
 }

@@ -20,6 +20,11 @@ pub const BLUE: Color = Color(0, 90, 181);
 /// Second series.
 pub const RED: Color = Color(220, 50, 32);
 
+/// Third series.
+pub const GREEN: Color = Color(0, 130, 80);
+/// Fourth series.
+pub const ORANGE: Color = Color(240, 170, 60);
+
 /// Width of a character.
 pub const CHARACTER: f64 = 7.0;
 
