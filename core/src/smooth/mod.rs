@@ -6,6 +6,7 @@
 //! * [`step`]: x⁺ = F x + b + q, rectangular where states are born or die.
 //! * [`predict`]: the moments of x⁺ from those of x.
 //! * [`rts`]: the moments of x given all measurements, from those of x⁺ (Rauch–Tung–Striebel).
+//! * [`tiled`]: the same step, for tens of states on a host.
 //! * [`disturbance`]: the same by an adjoint pair (r, N), without gains or inverses (Bryson–Frazier).
 //! * [`em`]: the sums of which the M-step of EM is the quotient.
 //! * [`fixed_lag`]: a ring of the latest epochs, smoothed on request.
@@ -20,6 +21,7 @@ pub mod fixed_lag;
 pub mod predict;
 pub mod rts;
 pub mod step;
+pub mod tiled;
 
 #[cfg(test)]
 mod batch;

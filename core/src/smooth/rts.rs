@@ -7,65 +7,52 @@
 //! two triangular solves. F may be rectangular: a state that was born at x⁺ has an empty row in F, hence a zero column in
 //! G; a state that died is smoothed through those that lived on.
 //!
-//! Cost n⁺³/6 + 2 n⁺² n + n⁺ n²/2 multiply-adds, in tiles ([`crate::linalg::tiles`]); inlined, so that a caller may compile
-//! it for the processor it finds. Lower triangles only. Panic contract: none.
+//! Cost n⁺³/6 + n⁺² n + n⁺² n + n⁺ n²/2 multiply-adds. Lower triangles only. Panic contract: none.
 
 use super::predict::map_rows;
 use super::step::Step;
 use super::{Moments, MomentsMut, SmoothError, shape};
-use crate::linalg::tiles::{self, Tiles};
-use crate::linalg::{Mat, MatMut, axpy, copy};
+use crate::linalg::{Mat, MatMut, axpy, cholesky, triangular};
 use crate::real::Real;
 
 /// Memory of a step from n to n⁺ states; after it, the gain.
 #[derive(Debug)]
 pub struct Work<'a, T> {
-    after: usize,
-    n: usize,
     /// Gᵀ, n⁺ × n.
-    gain: Tiles<'a, T>,
+    gain: MatMut<'a, T>,
     /// (Pˢ⁺ − P⁻) Gᵀ, n⁺ × n.
-    product: Tiles<'a, T>,
+    product: MatMut<'a, T>,
     /// Pˢ⁺ − P⁻, n⁺ × n⁺.
-    difference: Tiles<'a, T>,
-    /// Lᵀ, n⁺ × n⁺.
-    factor: Tiles<'a, T>,
+    difference: MatMut<'a, T>,
 }
 
 /// How long a buffer [`Work`] needs for a step from `n` to `after` states.
 pub const fn buffer_len(after: usize, n: usize) -> usize {
-    2 * (tiles::buffer_len(after, n) + tiles::buffer_len(after, after))
+    after * (2 * n + after)
 }
 
 impl<'a, T: Real> Work<'a, T> {
-    /// On a buffer of at least [`buffer_len`] numbers, whatever is in it.
+    /// On a buffer of at least [`buffer_len`] numbers.
     pub fn new(buffer: &'a mut [T], after: usize, n: usize) -> Result<Self, SmoothError> {
-        let (gain, rest) = Tiles::split(buffer, after, n)?;
-        let (product, rest) = Tiles::split(rest, after, n)?;
-        let (difference, rest) = Tiles::split(rest, after, after)?;
-        let (factor, _) = Tiles::split(rest, after, after)?;
-        Ok(Self { after, n, gain, product, difference, factor })
+        let (gain, rest) = buffer.split_at_mut_checked(after * n).ok_or(SmoothError::Shape)?;
+        let (product, rest) = rest.split_at_mut_checked(after * n).ok_or(SmoothError::Shape)?;
+        Ok(Self {
+            gain: MatMut::new(gain, after, n, n)?,
+            product: MatMut::new(product, after, n, n)?,
+            difference: MatMut::square(rest, after)?,
+        })
     }
 
     /// Gᵀ of the step that was taken, n⁺ × n.
     pub fn gain_transposed(&self) -> Mat<'_, T> {
-        self.gain.view(self.after, self.n).unwrap_or(Mat::empty())
+        self.gain.as_ref()
     }
 
-    /// `out` (n⁺ × n) ← cov(x⁺, x | Y) = Pˢ⁺ Gᵀ, after the step. Cost n⁺² n.
+    /// `out` (n⁺ × n) ← cov(x⁺, x | Y) = Pˢ⁺ Gᵀ, after the step.
     pub fn lag_one(&self, next: Mat<'_, T>, out: &mut MatMut<'_, T>) -> Result<(), SmoothError> {
-        let (after, n) = (self.after, self.n);
+        let (after, n) = (self.gain.rows(), self.gain.cols());
         shape([next.rows(), next.cols(), out.rows(), out.cols()], [after, after, after, n])?;
-        let gain = self.gain_transposed();
-        out.fill(T::ZERO);
-        for (i, row) in next.iter().enumerate() {
-            for (j, &entry) in row.iter().enumerate().take(i + 1) {
-                axpy(out.row_mut(i), entry, gain.row(j));
-                if j < i {
-                    axpy(out.row_mut(j), entry, gain.row(i));
-                }
-            }
-        }
+        symmetric_times(next, self.gain.as_ref(), out);
         Ok(())
     }
 }
@@ -74,7 +61,6 @@ impl<'a, T: Real> Work<'a, T> {
 ///
 /// `predicted.covariance` returns L in its lower triangle. `smoothed` may be the buffers of a later use; it is spoilt if
 /// an error is returned.
-#[inline(always)]
 pub fn smooth<T: Real>(
     step: &Step<'_, T>,
     filtered: Moments<'_, T>,
@@ -88,37 +74,55 @@ pub fn smooth<T: Real>(
     smoothed.as_ref().fits(n)?;
     predicted.as_ref().fits(after)?;
     next.fits(after)?;
-    shape([work.n, work.after], [n, after])?;
-    let Work { gain, product, difference, factor, .. } = work;
+    shape([work.gain.rows(), work.gain.cols()], [after, n])?;
 
-    factor.load_symmetric(after, T::ONE, |i, row| copy(row, predicted.covariance.row(i)));
-    difference.load_symmetric(after, T::ZERO, |i, row| {
-        for ((to, &next), &predicted) in row.iter_mut().zip(next.covariance.row(i)).zip(predicted.covariance.row(i)) {
+    for ((to, next), predicted) in
+        work.difference.iter_mut().zip(next.covariance.iter()).zip(predicted.covariance.iter())
+    {
+        for ((to, &next), &predicted) in to.iter_mut().zip(next).zip(predicted) {
             *to = next - predicted;
         }
-    });
-    factor.factor()?;
-    gain.clear();
-    map_rows(step, filtered.covariance, &mut gain.view_mut(after, n)?);
-    factor.forward(gain);
-    factor.backward(gain, false);
-    product.product(difference, gain, false);
-    Tiles::gram_lower(gain, product, filtered.covariance, &mut smoothed.covariance);
-
-    copy(smoothed.mean, filtered.mean);
-    for (i, (&next, &predicted)) in next.mean.iter().zip(predicted.mean.iter()).enumerate() {
-        axpy(smoothed.mean, next - predicted, gain.row(i));
     }
-    // The difference has been used: its place takes L.
-    difference.copy_transposed_upper(factor);
-    for i in 0..after {
-        let row = predicted.covariance.row_mut(i).get_mut(..=i).unwrap_or_default();
-        copy(row, difference.row(i));
+    cholesky::factor(&mut predicted.covariance)?;
+    let factor = predicted.covariance.as_ref();
+    map_rows(step, filtered.covariance, &mut work.gain);
+    triangular::forward_rows(factor, &mut work.gain)?;
+    triangular::back_transposed_rows(factor, &mut work.gain)?;
+    symmetric_times(work.difference.as_ref(), work.gain.as_ref(), &mut work.product);
+
+    for (to, &from) in smoothed.mean.iter_mut().zip(filtered.mean) {
+        *to = from;
+    }
+    for ((gain, &next), &predicted) in work.gain.iter().zip(next.mean).zip(predicted.mean.iter()) {
+        axpy(smoothed.mean, next - predicted, gain);
+    }
+    for (i, (to, from)) in smoothed.covariance.iter_mut().zip(filtered.covariance.iter()).enumerate() {
+        for (to, &from) in to.iter_mut().zip(from).take(i + 1) {
+            *to = from;
+        }
+    }
+    for (gain, product) in work.gain.iter().zip(work.product.iter()) {
+        for ((i, row), &gain) in smoothed.covariance.iter_mut().enumerate().zip(gain) {
+            axpy(row.get_mut(..=i).unwrap_or_default(), gain, product);
+        }
     }
     if !smoothed.mean.iter().all(|x| x.is_finite()) {
         return Err(SmoothError::NotFinite);
     }
     Ok(())
+}
+
+/// `out` ← S A for the symmetric S of which the lower triangle counts.
+fn symmetric_times<T: Real>(s: Mat<'_, T>, a: Mat<'_, T>, out: &mut MatMut<'_, T>) {
+    out.fill(T::ZERO);
+    for (i, row) in s.iter().enumerate() {
+        for (j, &entry) in row.iter().enumerate().take(i + 1) {
+            axpy(out.row_mut(i), entry, a.row(j));
+            if j < i {
+                axpy(out.row_mut(j), entry, a.row(i));
+            }
+        }
+    }
 }
 
 #[cfg(test)]
@@ -181,7 +185,7 @@ mod tests {
         let map = SparseMap { ends: &[1], entries: &[(0, 1.0)], columns: 1 };
         let step = Step { map, offset: &[0.0], noise: &[] };
         let attempt = |predicted: f64, next_mean: f64, states: usize| {
-            let (mut mean, mut p, mut buffer) = ([0.0], [predicted], [0.0; buffer_len(2, 1)]);
+            let (mut mean, mut p, mut buffer) = ([0.0], [predicted], [0.0; 12]);
             let mut predicted = MomentsMut::packed(&mut mean, &mut p).unwrap();
             let (mut smoothed_mean, mut smoothed_p) = ([0.0], [0.0]);
             let mut smoothed = MomentsMut::packed(&mut smoothed_mean, &mut smoothed_p).unwrap();

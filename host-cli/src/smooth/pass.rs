@@ -11,10 +11,11 @@
 use super::history::{History, Storage};
 use super::model::{Density, Model, Scratch, Sums, Transition};
 use super::progress::Progress;
+use super::vector::vectorised;
 use std::io;
 use surefix_core::filter::update::{Gauge, UpdateError};
 use surefix_core::linalg::MatMut;
-use surefix_core::smooth::{Moments, MomentsMut, SmoothError, em, predict, rts};
+use surefix_core::smooth::{Moments, MomentsMut, SmoothError, em, predict, tiled};
 use thiserror::Error;
 
 /// ln 2π.
@@ -262,7 +263,11 @@ impl<'a> Passes<'a> {
         self.work.resize(self.work.len().max(n * after), 0.0);
         let mut predict = || {
             let mut work = MatMut::new(&mut self.work, after, n, n)?;
-            predict::predict(&step, filtered.moments()?, &mut predicted.moments_mut()?, &mut work)
+            let (filtered, mut predicted) = (filtered.moments()?, predicted.moments_mut()?);
+            vectorised(
+                #[inline(always)]
+                || predict::predict(&step, filtered, &mut predicted, &mut work),
+            )
         };
         predict().map_err(|source| PassError::Step { epoch: k, source })
     }
@@ -327,12 +332,16 @@ impl<'a> Passes<'a> {
             smoothed.resize(filtered.dim());
             let mut step = || {
                 let (n, after) = (filtered.dim(), predicted.dim());
-                self.work.resize(self.work.len().max(rts::buffer_len(after, n)), 0.0);
-                let mut work = rts::Work::new(&mut self.work, after, n)?;
+                self.work.resize(self.work.len().max(tiled::buffer_len(after, n)), 0.0);
+                let mut work = tiled::Work::new(&mut self.work, after, n)?;
                 let (step, next) = (self.transition.step(), next.moments()?);
                 let mut predicted = predicted.moments_mut()?;
                 let mut smoothed = smoothed.moments_mut()?;
-                rts::smooth(&step, filtered.moments()?, &mut predicted, next, &mut smoothed, &mut work)?;
+                let filtered = filtered.moments()?;
+                vectorised(
+                    #[inline(always)]
+                    || tiled::smooth(&step, filtered, &mut predicted, next, &mut smoothed, &mut work),
+                )?;
                 let view = StepView { transition: &self.transition, predicted: predicted.as_ref(), next };
                 learn(&view, &mut self.work)
             };

@@ -14,15 +14,22 @@
 //! P is positive semidefinite by construction. The identity loses the digits that the largest eigenvalue of Lᵀ J L has: safe
 //! for a prior/noise ratio of standard deviations of 1e5.
 //!
-//! Differences need no correlated noise here. Rows of undifferenced satellites that share an unknown of no prior
-//! knowledge (a receiver clock) carry what all their differences carry, see [`Information::add_differenced`].
+//! Differences to one in common need no correlated rows here: their R⁻¹ is known in closed form, see
+//! [`Information::differences`].
 //!
 //! Panic contract: none; states outside of the dimensions are ignored.
 
-use super::{Gauge, UpdateError, not_positive_definite};
+use core::ops::Range;
+
+use heapless::Vec;
+
+use super::{Gauge, Rows, UpdateError, not_positive_definite};
 use crate::linalg::tiles::{self, Tiles};
 use crate::linalg::{MatMut, axpy, cholesky, copy, dot, tail, tail_mut};
 use crate::real::Real;
+
+/// Most coefficients of a row.
+pub const ENTRIES: usize = 32;
 
 /// What the rows gathered so far say of n states.
 #[derive(Debug)]
@@ -36,6 +43,14 @@ pub struct Information<'a, T> {
     work: &'a mut [T],
     /// νᵀ R⁻¹ ν and ln det R.
     gauge: Gauge<T>,
+}
+
+/// The entries of a row; an error where they are more than [`ENTRIES`].
+#[inline(always)]
+fn entries<T: Real>(rows: &impl Rows<T>, row: usize) -> Result<Vec<(usize, T), ENTRIES>, UpdateError> {
+    let (mut entries, mut fit) = (Vec::new(), true);
+    rows.for_each(row, &mut |state, coefficient| fit &= entries.push((state, coefficient)).is_ok());
+    if fit { Ok(entries) } else { Err(UpdateError::Shape) }
 }
 
 /// How long a buffer [`Information`] needs for `n` states.
@@ -58,34 +73,49 @@ impl<'a, T: Real> Information<'a, T> {
         Ok(Self { matrix: MatMut::square(matrix, n)?, vector, sum, work, gauge })
     }
 
-    /// Adds a row h with innovation ν and independent noise.
+    /// Adds `range` of `rows`, whose noises are independent.
     #[inline(always)]
-    pub fn add(&mut self, row: &[(usize, T)], innovation: T, variance: T) {
-        self.add_weighted(row, innovation, T::ONE / variance);
-        self.gauge.rows += 1;
-        self.gauge.log_determinant += libm::log(variance.to_f64());
+    pub fn independent(
+        &mut self,
+        rows: &impl Rows<T>,
+        range: Range<usize>,
+        innovation: impl Fn(usize) -> T,
+        variance: impl Fn(usize) -> T,
+    ) -> Result<(), UpdateError> {
+        for row in range {
+            let variance = variance(row);
+            self.add(&entries(rows, row)?, innovation(row), T::ONE / variance);
+            self.gauge.rows += 1;
+            self.gauge.log_determinant += libm::log(variance.to_f64());
+        }
+        Ok(())
     }
 
-    /// Adds rows, each with its innovation, whose noises are independent and of the same variance, of which only the
-    /// differences are known: N rows here are the N − 1 differences to any one of them, with R = variance · M Mᵀ.
+    /// Adds `range` of `rows`, which are differences to one in common: their noise is variance · M Mᵀ, M Mᵀ = I + 11ᵀ.
     #[inline(always)]
-    pub fn add_differenced<'r>(&mut self, rows: impl Iterator<Item = (&'r [(usize, T)], T)>, variance: T) {
-        let (weight, mut count, mut innovations) = (T::ONE / variance, 0, T::ZERO);
+    pub fn differences(
+        &mut self,
+        rows: &impl Rows<T>,
+        range: Range<usize>,
+        innovation: impl Fn(usize) -> T,
+        variance: T,
+    ) -> Result<(), UpdateError> {
+        let count = range.len();
+        let (weight, mut innovations) = (T::ONE / variance, T::ZERO);
         self.sum.fill(T::ZERO);
-        for (row, innovation) in rows {
-            self.add_weighted(row, innovation, weight);
-            for &(state, coefficient) in row {
+        for row in range {
+            let (entries, innovation) = (entries(rows, row)?, innovation(row));
+            self.add(&entries, innovation, weight);
+            for &(state, coefficient) in &entries {
                 if let Some(sum) = self.sum.get_mut(state) {
                     *sum += coefficient;
                 }
             }
             innovations += innovation;
-            count += 1;
         }
-        if count == 0 {
-            return;
-        }
-        let weight = weight / T::from_f64(f64::from(count));
+        // (M Mᵀ)⁻¹ = I − 11ᵀ/(m + 1).
+        let all = count as f64 + 1.0;
+        let weight = weight / T::from_f64(all);
         for ((i, row), &sum) in self.matrix.iter_mut().enumerate().zip(self.sum.iter()) {
             if sum != T::ZERO {
                 axpy(row.get_mut(..=i).unwrap_or_default(), -(weight * sum), self.sum);
@@ -93,13 +123,14 @@ impl<'a, T: Real> Information<'a, T> {
         }
         axpy(self.vector, -(weight * innovations), self.sum);
         self.gauge.normalized_innovation_squared -= weight * innovations * innovations;
-        self.gauge.rows += count as usize - 1;
-        self.gauge.log_determinant += f64::from(count - 1) * libm::log(variance.to_f64()) + libm::log(f64::from(count));
+        self.gauge.rows += count;
+        self.gauge.log_determinant += count as f64 * libm::log(variance.to_f64()) + libm::log(all);
+        Ok(())
     }
 
     /// J += w h hᵀ, g += w h ν.
     #[inline(always)]
-    fn add_weighted(&mut self, row: &[(usize, T)], innovation: T, weight: T) {
+    fn add(&mut self, row: &[(usize, T)], innovation: T, weight: T) {
         for &(i, h_i) in row {
             let weighted = weight * h_i;
             if let Some(entry) = self.vector.get_mut(i) {
@@ -162,8 +193,8 @@ impl<'a, T: Real> Information<'a, T> {
 #[cfg(test)]
 mod tests {
     use super::super::{Form, update};
-    use super::*;
-    use crate::linalg::{Mat, spd};
+    use super::{Gauge, Information, UpdateError, buffer_len};
+    use crate::linalg::{Mat, MatMut, spd};
     use proptest::prelude::*;
 
     /// Rows and their noise as [`update`] takes them: mean, covariance and gauge by the array form.
@@ -181,10 +212,6 @@ mod tests {
             &mut buffer,
         );
         (mean, p, gauge.unwrap())
-    }
-
-    fn sparse(row: &[f64]) -> Vec<(usize, f64)> {
-        row.iter().copied().enumerate().filter(|(_, c)| *c != 0.0).collect()
     }
 
     fn assert_equal(p: &[f64], found: (&[f64], &[f64], Gauge<f64>), expected: (Vec<f64>, Vec<f64>, Gauge<f64>)) {
@@ -215,37 +242,29 @@ mod tests {
             let noise: Vec<f64> = (0..m * m).map(|k| if k % (m + 1) == 0 { 0.5 + (k / m) as f64 } else { 0.0 }).collect();
             let (mut buffer, mut correction, mut q) = (vec![f64::NAN; buffer_len(n)], vec![0.0; n], p.clone());
             let mut information = Information::new(&mut buffer, n).unwrap();
-            for (i, row) in h.chunks(n).enumerate() {
-                information.add(&sparse(row), innovation[i], noise[i * (m + 1)]);
-            }
+            let rows = Mat::new(&h, m, n, n).unwrap();
+            information.independent(&rows, 0..m, |i| innovation[i], |i| noise[i * (m + 1)]).unwrap();
             let gauge = information.update(&mut correction, &mut MatMut::square(&mut q, n).unwrap()).unwrap();
             assert_equal(&p, (&correction, &q, gauge), reference(&p, &h, &innovation[..m], &noise));
         }
 
-        /// Undifferenced rows with an unknown in common are their differences to the first.
         #[test]
-        fn a_common_unknown_is_differencing(
+        fn differences_have_the_noise_of_differences(
             (n, p) in spd::matrix(1..12usize),
-            satellites in 2..9usize,
+            m in 1..9usize,
             h in proptest::collection::vec(prop_oneof![Just(0.0), 0.1..1.0f64], 12 * 9),
             innovation in proptest::collection::vec(-3.0..3.0f64, 9),
             variance in 0.01..4.0f64,
         ) {
-            let m = satellites - 1;
-            let mut h = h[..satellites * n].to_vec();
-            (1..satellites).for_each(|i| h[i * n + i % n] = 3.0);
-            let mut difference = Vec::new();
-            for i in 1..satellites {
-                difference.extend((0..n).map(|j| h[j] - h[i * n + j]));
-            }
-            let differences: Vec<f64> = (1..satellites).map(|i| innovation[0] - innovation[i]).collect();
+            let mut h = h[..m * n].to_vec();
+            (0..m).for_each(|i| h[i * n + i % n] = 1.0);
             let noise: Vec<f64> = (0..m * m).map(|k| variance * if k % (m + 1) == 0 { 2.0 } else { 1.0 }).collect();
             let (mut buffer, mut correction, mut q) = (vec![f64::NAN; buffer_len(n)], vec![0.0; n], p.clone());
             let mut information = Information::new(&mut buffer, n).unwrap();
-            let rows: Vec<_> = h.chunks(n).map(sparse).collect();
-            information.add_differenced(rows.iter().map(Vec::as_slice).zip(innovation.iter().copied()), variance);
+            let rows = Mat::new(&h, m, n, n).unwrap();
+            information.differences(&rows, 0..m, |i| innovation[i], variance).unwrap();
             let gauge = information.update(&mut correction, &mut MatMut::square(&mut q, n).unwrap()).unwrap();
-            assert_equal(&p, (&correction, &q, gauge), reference(&p, &difference, &differences, &noise));
+            assert_equal(&p, (&correction, &q, gauge), reference(&p, &h, &innovation[..m], &noise));
         }
     }
 
@@ -254,7 +273,10 @@ mod tests {
         let attempt = |p: [f64; 4], coefficient: f64, innovation: f64, variance: f64| {
             let (mut buffer, mut correction, mut q) = ([0.0; buffer_len(2)], [0.0; 2], p);
             let mut information = Information::new(&mut buffer, 2).unwrap();
-            information.add(&[(0, coefficient), (9, 1.0)], innovation, variance);
+            // The third coefficient is of a state that is not there.
+            let h = [coefficient, 0.0, 1.0];
+            let rows = Mat::new(&h, 1, 3, 3).unwrap();
+            information.independent(&rows, 0..1, |_| innovation, |_| variance).unwrap();
             let outcome = information.update(&mut correction, &mut MatMut::square(&mut q, 2).unwrap());
             assert_eq!((correction, q.map(f64::to_bits)), ([0.0; 2], p.map(f64::to_bits)));
             outcome

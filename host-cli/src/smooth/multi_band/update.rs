@@ -2,13 +2,15 @@
 //!
 //! Groups of rows ([`super::groups`]) follow one another, each with the noise f σ² M Mᵀ. Where a statistical rule finds an
 //! Ω that counts, it ties all groups together and they are taken at once; an Ω below [`NEGLIGIBLE`] of the noise of phases
-//! or Doppler changes no covariance by more than that and is left out.
+//! or Doppler changes no covariance by more than that and is left out: then the epoch is gathered in information form.
 
 use super::super::model::{Density, Scratch, Sums};
+use super::super::vector::vectorised;
 use super::MultiBand;
 use super::groups::{Group, GroupRows, VirtualRows};
 use super::settings::{Record, dot_bands};
 use surefix_core::filter::linearize::{LinearizeError, Rule, Work as LinearizeWork, linearize};
+use surefix_core::filter::update::information::{self, Information};
 use surefix_core::filter::update::{Form, Gauge, Rows, Stage, UpdateError, VECTORS, Work};
 use surefix_core::linalg::{Mat, MatMut};
 use surefix_core::model::multi_band::{Combination, Layout, MultiBandModel, Signal};
@@ -136,40 +138,50 @@ impl MultiBand {
         for group in groups {
             innovation.extend((0..m).map(|i| self.innovation(k, group, i, &linear, &density.mean)));
         }
-        let at_once = if curved { groups.len() * m } else { m };
-        let (row_buffer, vectors) = zeros(rows, (at_once + VECTORS) * n).split_at_mut(at_once * n);
-        let work =
-            Work { rows: MatMut::new(row_buffer, at_once, n, n)?, vectors: MatMut::new(vectors, VECTORS, n, n)? };
-        let covariance = MatMut::square(&mut density.covariance, n)?;
-        let mut stage = Stage::begin(Form::Sequential, zeros(correction, n), covariance, work)?;
-        let group_rows = GroupRows { groups, differences: m, slope: linear.slope, places: &self.places[k] };
-        for (first, innovation) in innovation.chunks_mut(at_once).enumerate().map(|(c, nu)| (c * at_once, nu)) {
-            let entries = zeros(noise, at_once * at_once);
-            for (row, entries) in entries.chunks_mut(at_once).enumerate() {
-                let (group, i) = (&groups[(first + row) / m], row % m);
-                let start = row / m * m;
-                entries[start..=row].fill(model.signal_variance(group.signal));
-                entries[row] *= 2.0;
-                if curved {
-                    for (column, entry) in entries[..=row].iter_mut().enumerate() {
-                        let (other, j) = (&groups[column / m], column % m);
-                        let at = |group: &Group, i: usize| group.nonlinear_row(m) + i;
-                        *entry += group.geometry * other.geometry * linear.omega(at(group, i), at(other, j));
-                    }
-                }
-            }
-            stage.correlated(&group_rows, first, innovation, &mut MatMut::square(entries, at_once)?)?;
-        }
-        let virtual_rows = VirtualRows { states: &self.virtual_states, places: &self.places[k] };
+        let signals = GroupRows { groups, differences: m, slope: linear.slope, places: &self.places[k] };
+        let biases = VirtualRows { states: &self.virtual_states, places: &self.places[k] };
         let mean = &density.mean;
         let predicted = |row: usize| self.places[k].of(self.virtual_states[row]).map_or(0.0, |place| mean[place]);
-        stage.independent(
-            &virtual_rows,
-            0..self.virtual_states.len(),
-            |row| self.records[k].virtual_rows[row] - predicted(row),
-            |row| model.virtual_row(row).map_or(f64::NAN, |(_, variance)| variance),
-        )?;
-        let mut gauge = stage.finish()?;
+        let bias_innovation = |row: usize| self.records[k].virtual_rows[row] - predicted(row);
+        let bias_variance = |row: usize| model.virtual_row(row).map_or(f64::NAN, |(_, variance)| variance);
+        let bias_rows = 0..self.virtual_states.len();
+        let correction = zeros(correction, n);
+        let mut covariance = MatMut::square(&mut density.covariance, n)?;
+        let mut gauge = if curved {
+            let at_once = groups.len() * m;
+            let (row_buffer, vectors) = zeros(rows, (at_once + VECTORS) * n).split_at_mut(at_once * n);
+            let work =
+                Work { rows: MatMut::new(row_buffer, at_once, n, n)?, vectors: MatMut::new(vectors, VECTORS, n, n)? };
+            let mut stage = Stage::begin(Form::Sequential, correction, covariance, work)?;
+            let entries = zeros(noise, at_once * at_once);
+            for (row, entries) in entries.chunks_mut(at_once).enumerate() {
+                let (group, i) = (&groups[row / m], row % m);
+                entries[row / m * m..=row].fill(model.signal_variance(group.signal));
+                entries[row] *= 2.0;
+                for (column, entry) in entries[..=row].iter_mut().enumerate() {
+                    let (other, j) = (&groups[column / m], column % m);
+                    let at = |group: &Group, i: usize| group.nonlinear_row(m) + i;
+                    *entry += group.geometry * other.geometry * linear.omega(at(group, i), at(other, j));
+                }
+            }
+            stage.correlated(&signals, 0, innovation, &mut MatMut::square(entries, at_once)?)?;
+            stage.independent(&biases, bias_rows, bias_innovation, bias_variance)?;
+            stage.finish()?
+        } else {
+            rows.resize(rows.len().max(information::buffer_len(n)), 0.0);
+            vectorised(
+                #[inline(always)]
+                || {
+                    let mut information = Information::new(rows, n)?;
+                    for (g, group) in groups.iter().enumerate() {
+                        let variance = model.signal_variance(group.signal);
+                        information.differences(&signals, g * m..(g + 1) * m, |row| innovation[row], variance)?;
+                    }
+                    information.independent(&biases, bias_rows, bias_innovation, bias_variance)?;
+                    information.update(correction, &mut covariance)
+                },
+            )?
+        };
         for (mean, correction) in density.mean.iter_mut().zip(correction) {
             *mean += *correction;
         }
