@@ -1,5 +1,6 @@
-//! Shared ground of the cross-crate tests: where the reference data is, and simulated drives.
+//! Shared ground of the cross-crate tests: where the reference data is, real cases, and simulated drives.
 
+pub mod cases;
 pub mod section_v;
 
 use std::path::{Path, PathBuf};

@@ -55,6 +55,9 @@ enum Command {
         /// Directory of the real data [default: ../shared/data beside the checkout]
         #[arg(long, value_name = "DIR")]
         data: Option<PathBuf>,
+        /// Only these cases
+        #[arg(long, value_name = "NAME", num_args = 1..)]
+        only: Vec<String>,
     },
     /// List the places of the core from which a panic is reachable; fail if one meets data from outside
     Panics,
@@ -76,7 +79,9 @@ fn run(command: Command) -> anyhow::Result<()> {
     match command {
         Command::Setup => toolchain::CortexM::find_or_install().map(|found| println!("ready: {found}")),
         Command::Test => test::run_all(),
-        Command::Peers { data } => peers::compare(&data.unwrap_or_else(|| repository().join("../shared/data"))),
+        Command::Peers { data, only } => {
+            peers::compare(&data.unwrap_or_else(|| repository().join("../shared/data")), &only)
+        }
         Command::Replay(args) => replay::run(&args),
         Command::Panics => panics::run(&toolchain::CortexM::find_or_install()?),
         Command::Size => size::run(&toolchain::CortexM::find_or_install()?),

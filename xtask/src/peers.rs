@@ -1,42 +1,28 @@
 //! `cargo xtask peers`: the real cases of `tests/cases.toml` in surefix and in RTKLIB's `rnx2rtkp`, side by side.
 //!
-//! Both programs get the same plain files, constellations, base coordinate and antenna heights, run forward in kinematic
-//! (or static) mode, and are judged by `surefix compare`. RTKLIB is told the bands as far as it can be: one (`l1`) or two
-//! (`l1+l2`, where its second Galileo band is E5b), and has its defaults else, with continuous ambiguity resolution.
+//! Both programs get the same plain files, constellations, base coordinate and antenna heights, run in kinematic (or
+//! static) mode, forward and with what is to come (`--smooth --em`; RTKLIB's `combined`), and are judged by `surefix
+//! compare`. RTKLIB is told the bands as far as it can be: one (`l1`) or two (`l1+l2`, where its second Galileo band is
+//! E5b), and has its defaults else, with continuous ambiguity resolution.
+//!
+//! Errors are those of all epochs with a position, save the rms of forward solutions: that is of the fixed ones.
 
 use crate::command::{output, run};
 use crate::repository;
 use anyhow::{Context, Result, bail};
-use serde::Deserialize;
 use serde_json::Value;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
+#[path = "../../tests/src/cases.rs"]
+#[allow(dead_code)] // limits are for the tests
+mod cases;
+
+use cases::Case;
+
 const PEER: &str = "rnx2rtkp";
-
-/// A case, as far as it matters here; see the head of the file.
-#[derive(Deserialize)]
-struct Case {
-    name: String,
-    directory: String,
-    rover: String,
-    base: String,
-    navigation: Vec<String>,
-    base_xyz: [f64; 3],
-    antennas_m: Option<[f64; 2]>,
-    bands: String,
-    motion: Option<String>,
-    truth: Truth,
-}
-
-#[derive(Deserialize)]
-struct Truth {
-    xyz: Option<[f64; 3]>,
-    file: Option<String>,
-    quality: Option<String>,
-}
 
 /// What a run took.
 struct Cost {
@@ -45,8 +31,8 @@ struct Cost {
     memory: u64,
 }
 
-/// Prints the table.
-pub fn compare(data: &Path) -> Result<()> {
+/// Prints the table, of the cases of these names, or of all if there are none.
+pub fn compare(data: &Path, only: &[String]) -> Result<()> {
     if output(Command::new("which").arg(PEER)).is_none() {
         let mut install = Command::new("apt-get");
         run(install.args(["install", "-y", "--no-install-recommends", "rtklib"]))
@@ -66,96 +52,150 @@ pub fn compare(data: &Path) -> Result<()> {
     ]))?;
     let surefix = repository().join("target/release/surefix");
 
-    let file = repository().join("tests/cases.toml");
-    let text = fs::read_to_string(&file).with_context(|| format!("{}: cannot be read", file.display()))?;
-    let mut table: std::collections::BTreeMap<String, Vec<Case>> = toml::from_str(&text)?;
+    let cases = cases::cases().context("tests/cases.toml")?;
     println!(
-        "\n{:17}{:9}{:>8}{:>8}{:>10}{:>11}{:>8}{:>10}{:>8}",
-        "case", "program", "fixed %", "wrong %", "rms H cm", "rms 3D cm", "first s", "epochs/s", "MB"
+        "\n{:17}{:17}{:>8}{:>8}{:>10}{:>11}{:>8}{:>6}{:>6}{:>6}{:>8}{:>10}{:>8}",
+        "case",
+        "program",
+        "fixed %",
+        "wrong %",
+        "rms H cm",
+        "rms 3D cm",
+        "p95 cm",
+        "e/σ",
+        "n/σ",
+        "u/σ",
+        "first s",
+        "epochs/s",
+        "MB"
     );
-    for case in table.remove("case").unwrap_or_default() {
+    for case in cases.into_iter().filter(|case| only.is_empty() || only.contains(&case.name)) {
         let directory = std::env::temp_dir().join(format!("surefix-peers-{}-{}", std::process::id(), case.name));
         fs::create_dir_all(&directory)?;
-        let done = case.run(&surefix, data, &directory);
+        let data = data.join(&case.directory);
+        let done = Run::new(&case, &surefix, &data, &directory).and_then(|run| run.run());
         fs::remove_dir_all(&directory)?;
-        done.with_context(|| case.name.clone())?;
+        done.context(case.name)?;
     }
     Ok(())
 }
 
-impl Case {
-    /// Runs both programs in `directory` and prints a row of each.
-    fn run(&self, surefix: &Path, data: &Path, directory: &Path) -> Result<()> {
-        let data = data.join(&self.directory);
-        let rover = unpack(&data, &self.rover, directory, "rover.obs")?;
-        let base = unpack(&data, &self.base, directory, "base.obs")?;
-        let unpack_navigation = |(i, name): (usize, &String)| unpack(&data, name, directory, &format!("{i}.nav"));
-        let navigation = self.navigation.iter().enumerate().map(unpack_navigation).collect::<Result<Vec<_>>>()?;
-        let files = || [&rover, &base].into_iter().chain(&navigation);
-        let base_xyz = self.base_xyz.map(|coordinate| coordinate.to_string());
+/// What a solution of an epoch knows.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Way {
+    /// What came before it.
+    Forward,
+    /// All there is.
+    Smoothed,
+}
 
-        let mut post = Command::new(surefix);
-        post.arg("post").args(files()).arg("--base-xyz").args(&base_xyz).args(["--bands", &self.bands]);
-        post.args((self.motion.as_deref() == Some("static")).then_some("--static")).arg("-o").arg(directory);
-        let cost = measure(&mut post)?;
-        let summary: Value = serde_json::from_str(&fs::read_to_string(directory.join("rover.json"))?)?;
-        let epochs = summary["epochs"].as_u64().context("surefix says no number of epochs")?;
-        self.row("surefix", surefix, &data, &directory.join("rover.csv"), epochs, &cost)?;
+/// The files of a case, unpacked, and those that the programs write.
+struct Run<'a> {
+    case: &'a Case,
+    surefix: &'a Path,
+    data: &'a Path,
+    directory: &'a Path,
+    files: Vec<PathBuf>,
+}
 
-        let options = directory.join("rnx2rtkp.conf");
-        fs::write(&options, self.peer_options())?;
-        let solution = directory.join("peer.pos");
-        let mut peer = Command::new(PEER);
-        peer.arg("-k").arg(&options).arg("-o").arg(&solution).args(files());
-        let cost = measure(&mut peer)?;
-        self.row("RTKLIB", surefix, &data, &solution, epochs, &cost)
+impl<'a> Run<'a> {
+    fn new(case: &'a Case, surefix: &'a Path, data: &'a Path, directory: &'a Path) -> Result<Self> {
+        let names = [&case.rover, &case.base].into_iter().chain(&case.navigation).enumerate();
+        let to = |i| match i {
+            0 => "rover.obs".to_owned(),
+            1 => "base.obs".to_owned(),
+            _ => format!("{i}.nav"),
+        };
+        let unpacked = names.map(|(i, name)| unpack(data, name, directory, &to(i)));
+        Ok(Self { case, surefix, data, directory, files: unpacked.collect::<Result<_>>()? })
+    }
+
+    /// Runs both programs both ways and prints a row of each.
+    fn run(&self) -> Result<()> {
+        let mut epochs = 0;
+        for (way, program) in [(Way::Forward, "surefix"), (Way::Smoothed, "surefix smoothed")] {
+            let cost = measure(&mut self.surefix(way))?;
+            let summary: Value = serde_json::from_str(&fs::read_to_string(self.directory.join("rover.json"))?)?;
+            epochs = summary["epochs"].as_u64().context("surefix says no number of epochs")?;
+            self.row(program, way, &self.directory.join("rover.csv"), epochs, &cost)?;
+        }
+        for (way, program) in [(Way::Forward, "RTKLIB"), (Way::Smoothed, "RTKLIB combined")] {
+            let options = self.directory.join("rnx2rtkp.conf");
+            fs::write(&options, peer_options(self.case, way))?;
+            let solution = self.directory.join("peer.pos");
+            let mut peer = Command::new(PEER);
+            peer.arg("-k").arg(&options).arg("-o").arg(&solution).args(&self.files);
+            let cost = measure(&mut peer)?;
+            self.row(program, way, &solution, epochs, &cost)?;
+        }
+        Ok(())
+    }
+
+    fn surefix(&self, way: Way) -> Command {
+        let case = self.case;
+        let mut post = Command::new(self.surefix);
+        post.arg("post").args(&self.files).args(["--bands", &case.bands]);
+        post.arg("--base-xyz").args(case.base_xyz.map(|coordinate| coordinate.to_string()));
+        post.args((case.motion.as_deref() == Some("static")).then_some("--static"));
+        if way == Way::Smoothed {
+            post.args(["--smooth", "--em"]);
+        }
+        post.arg("-o").arg(self.directory);
+        post
     }
 
     /// Judges a solution and prints its row.
-    fn row(&self, program: &str, surefix: &Path, data: &Path, solution: &Path, epochs: u64, cost: &Cost) -> Result<()> {
-        let mut compare = Command::new(surefix);
+    fn row(&self, program: &str, way: Way, solution: &Path, epochs: u64, cost: &Cost) -> Result<()> {
+        let mut compare = Command::new(self.surefix);
         compare.arg("compare").arg(solution).args(["--json", "--epochs", &epochs.to_string()]);
-        if let Some(file) = &self.truth.file {
-            compare.arg(data.join(file));
+        if let Some(file) = &self.case.truth.file {
+            compare.arg(self.data.join(file));
         }
-        if let Some(xyz) = self.truth.xyz {
+        if let Some(xyz) = self.case.truth.xyz {
             compare.arg("--truth-xyz").args(xyz.map(|coordinate| coordinate.to_string()));
         }
-        if let Some(quality) = &self.truth.quality {
+        if let Some(quality) = &self.case.truth.quality {
             compare.args(["--truth-quality", quality]);
         }
         let report = output(&mut compare).with_context(|| format!("{program} has no result to compare"))?;
         let report: Value = serde_json::from_str(&report)?;
         let number = |value: &Value, scale: f64| value.as_f64().map_or("–".into(), |x| format!("{:.2}", scale * x));
+        let rms = &report[if way == Way::Forward { "fixed" } else { "all" }];
+        let normalized = &report["all_normalized"]["rms"];
         println!(
-            "{:17}{program:9}{:>8}{:>8}{:>10}{:>11}{:>8}{:>10.0}{:>8}",
-            self.name,
+            "{:17}{program:17}{:>8}{:>8}{:>10}{:>11}{:>8}{:>6}{:>6}{:>6}{:>8}{:>10.0}{:>8}",
+            self.case.name,
             number(&report["fix_rate"], 100.0),
             number(&report["wrong_fix_rate"], 100.0),
-            number(&report["fixed"]["rms_horizontal_m"], 100.0),
-            number(&report["fixed"]["rms_3d_m"], 100.0),
+            number(&rms["rms_horizontal_m"], 100.0),
+            number(&rms["rms_3d_m"], 100.0),
+            number(&report["all"]["three_d_m"]["p95"], 100.0),
+            number(&normalized["east"], 1.0),
+            number(&normalized["north"], 1.0),
+            number(&normalized["up"], 1.0),
             report["first_fix_s"].as_f64().map_or("–".into(), |seconds| format!("{seconds:.0}")),
             epochs as f64 / cost.time.as_secs_f64(),
             if cost.memory > 0 { (cost.memory / 1024).to_string() } else { "–".into() },
         );
         Ok(())
     }
+}
 
-    /// RTKLIB's configuration file (RTKLIB 2.4.3 manual, B.4).
-    fn peer_options(&self) -> String {
-        let systems = [('G', 1), ('R', 4), ('E', 8), ('J', 16), ('C', 32)];
-        let navsys: u32 = systems.iter().filter(|(letter, _)| self.bands.contains(*letter)).map(|(_, bit)| bit).sum();
-        let frequency = if self.bands.split(' ').any(|bands| bands.len() > 2) { "l1+l2" } else { "l1" };
-        let motion = if self.motion.as_deref() == Some("static") { "static" } else { "kinematic" };
-        let [x, y, z] = self.base_xyz;
-        let [rover, base] = self.antennas_m.unwrap_or_default();
-        format!(
-            "pos1-posmode={motion}\npos1-frequency={frequency}\npos1-soltype=forward\npos1-navsys={navsys}\n\
-             pos2-armode=continuous\nout-solformat=xyz\nout-timesys=gpst\nout-timeform=tow\n\
-             ant1-antdelu={rover}\nant2-antdelu={base}\nant2-postype=xyz\n\
-             ant2-pos1={x}\nant2-pos2={y}\nant2-pos3={z}\n"
-        )
-    }
+/// RTKLIB's configuration file (RTKLIB 2.4.3 manual, B.4).
+fn peer_options(case: &Case, way: Way) -> String {
+    let systems = [('G', 1), ('R', 4), ('E', 8), ('J', 16), ('C', 32)];
+    let navsys: u32 = systems.iter().filter(|(letter, _)| case.bands.contains(*letter)).map(|(_, bit)| bit).sum();
+    let frequency = if case.bands.split(' ').any(|bands| bands.len() > 2) { "l1+l2" } else { "l1" };
+    let motion = if case.motion.as_deref() == Some("static") { "static" } else { "kinematic" };
+    let direction = if way == Way::Forward { "forward" } else { "combined" };
+    let [x, y, z] = case.base_xyz;
+    let [rover, base] = case.antennas_m.unwrap_or_default();
+    format!(
+        "pos1-posmode={motion}\npos1-frequency={frequency}\npos1-soltype={direction}\npos1-navsys={navsys}\n\
+         pos2-armode=continuous\nout-solformat=xyz\nout-timesys=gpst\nout-timeform=tow\n\
+         ant1-antdelu={rover}\nant2-antdelu={base}\nant2-postype=xyz\n\
+         ant2-pos1={x}\nant2-pos2={y}\nant2-pos3={z}\n"
+    )
 }
 
 /// Copies a file to `directory`, unpacked: RTKLIB would unpack it beside the original.

@@ -13,6 +13,7 @@ pub mod post;
 pub mod replay;
 pub mod results;
 pub mod simulate;
+pub mod smoothing;
 pub mod study;
 pub mod vectors;
 

@@ -4,6 +4,7 @@ use super::Outcome;
 use super::engine::EngineArgs;
 use super::files::{Files, OpenFiles};
 use super::results::{self, Results};
+use super::smoothing::{Recording, SmoothArgs};
 use crate::process::base_check::BaseCheck;
 use crate::process::run::Engine;
 use crate::process::settings::Settings;
@@ -19,17 +20,22 @@ use surefix_core::gnss::solution::Quality;
 ///
 /// Writes NAME.pos (RTKLIB's format), NAME.csv (every field of every solution) and NAME.json (summary) into DIR, NAME
 /// being that of the rover file. Positions are those of the rover's marker: antenna heights are taken from the headers.
+/// For a device log there is `surefix replay LOG -r DIR`, with the same options.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "\
 Examples:
   surefix post rover.obs base.obs base.nav --base-xyz -2430697.699 -4704189.201 3544329.103 -o out
   surefix post rover.rnx.gz base.crx.gz brdc.rnx.gz --bands \"G12 E15\" -o out
+  surefix post rover.obs base.obs base.nav --smooth --em -o out     # from all epochs, with noise learned from them
+  surefix replay drive.sfl -r out --smooth --em                     # the same of a device log
   surefix post --print-config > settings.toml")]
 pub struct Args {
     #[command(flatten)]
     files: Option<Files>,
     #[command(flatten)]
     engine: EngineArgs,
+    #[command(flatten)]
+    smoothing: SmoothArgs,
     /// Directory for the results; it is made if need be
     #[arg(short, long, value_name = "DIR", default_value = ".")]
     output: PathBuf,
@@ -48,17 +54,20 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         return Ok(Outcome::Good);
     }
     let files = args.files.as_ref().context("give the files ROVER BASE NAV…")?;
-    let (summary, paths) = process(files, &args.engine.settings()?, &args.output, args.velocity)?;
+    let mut settings = args.engine.settings()?;
+    args.smoothing.apply(&mut settings);
+    let (summary, paths) = process(files, &settings, args.smoothing.smooth, &args.output, args.velocity)?;
     println!("{}", results::report(&summary));
     println!("wrote {}", paths.iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join(", "));
     let positions = summary.epochs - summary.by_quality.get("none").copied().unwrap_or(0);
     Ok(if positions > 0 { Outcome::Good } else { Outcome::Bad })
 }
 
-/// Processes files and writes the results into a directory.
+/// Processes files, smooths if that is wanted, and writes the results into a directory.
 pub fn process(
     files: &Files,
     settings: &Settings,
+    smooth: bool,
     output: &std::path::Path,
     velocity: bool,
 ) -> anyhow::Result<(Summary, [PathBuf; 3])> {
@@ -80,7 +89,9 @@ pub fn process(
     let mut results = Results::create(output, &files.rover, &header)?;
     let warnings = std::mem::take(&mut open.warnings);
     warnings.into_iter().for_each(|warning| results.summary.warn(warning));
-    run_engine(&mut open, Engine::new(config), &mut results)?;
+    let engine = Engine::new(config);
+    let recording = smooth.then(|| Recording::new(&engine, settings)).transpose()?;
+    run_engine(&mut open, engine, recording, &mut results)?;
     for report in [open.rover.report(), open.base.report()].into_iter().chain(&open.navigation.reports) {
         for (reason, tally) in &report.dropped {
             results.summary.dropped(format!("{}: {reason}", report.file), tally.count);
@@ -92,7 +103,12 @@ pub fn process(
     results.finish(settings)
 }
 
-fn run_engine(open: &mut OpenFiles, mut engine: Engine, results: &mut Results) -> anyhow::Result<()> {
+fn run_engine(
+    open: &mut OpenFiles,
+    mut engine: Engine,
+    mut recording: Option<Recording>,
+    results: &mut Results,
+) -> anyhow::Result<()> {
     let progress = progress();
     let mut check = BaseCheck::default();
     let (mut epochs, mut fixed) = (0u64, 0u64);
@@ -107,12 +123,15 @@ fn run_engine(open: &mut OpenFiles, mut engine: Engine, results: &mut Results) -
                 progress.set_position(epochs);
                 progress.set_message(format!("{:.1} % fixed", 100.0 * fixed as f64 / epochs as f64));
             }
-            results.push(&solution)?;
+            match &mut recording {
+                Some(recording) => recording.push(&engine, &solution),
+                None => results.push(&solution)?,
+            }
         }
     }
     progress.finish_and_clear();
     stream.coverage()?;
-    Ok(())
+    recording.map_or(Ok(()), |recording| recording.smooth_into(results))
 }
 
 /// A progress bar on a terminal, nothing in a pipe.

@@ -3,6 +3,7 @@
 use super::Outcome;
 use super::engine::EngineArgs;
 use super::results::{self, Results};
+use super::smoothing::{Recording, SmoothArgs};
 use crate::log::section_v::{is_for_section_v, replay};
 use crate::log::{LogInputs, LogReader, LogWriter};
 use crate::process::run::Engine;
@@ -16,8 +17,9 @@ use surefix_core::real::Real;
 /// Run a device log through the filter.
 ///
 /// A log of GNSS observations goes through the RTK filter, one of measurements of the study of mixed-integer filters
-/// through the filter of that study. The log's own settings are used; a log without settings is processed with the defaults and the options below. The
-/// frames that `-o` writes are those that firmware answers, byte for byte.
+/// through the filter of that study. The log's own settings are used; a log without settings is processed with the
+/// defaults and the options below. The frames that `-o` writes are those that firmware answers, byte for byte; with
+/// `--smooth` the files of `-r` have the smoothed solutions.
 #[derive(clap::Args, Debug)]
 pub struct Args {
     /// The log
@@ -33,17 +35,23 @@ pub struct Args {
     single: bool,
     #[command(flatten)]
     engine: EngineArgs,
+    #[command(flatten)]
+    smoothing: SmoothArgs,
 }
 
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
+    if args.smoothing.smooth && args.results.is_none() {
+        bail!("--smooth has nowhere to write to; give a directory by --results DIR");
+    }
     if is_for_section_v(&args.log)? {
         return if args.single { run_section_v::<f32>(args) } else { run_section_v::<f64>(args) };
     }
     if args.single {
         bail!("{}: has no measurements of the study, and --single is for these; leave it out", args.log.display());
     }
-    let settings = args.engine.settings()?;
+    let mut settings = args.engine.settings()?;
+    args.smoothing.apply(&mut settings);
     let mut engine = Engine::new(settings.config()?);
     let mut inputs = LogInputs::open(&args.log)?;
     let cannot_write =
@@ -57,6 +65,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         Some(directory) => Some(Results::create(directory, &args.log, &header)?),
         None => None,
     };
+    let mut recording = args.smoothing.smooth.then(|| Recording::new(&engine, &settings)).transpose()?;
     let (mut epochs, mut positions, mut with_base) = (0u64, 0u64, false);
     for input in inputs.by_ref() {
         let input = input?;
@@ -67,8 +76,10 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         if let Some(frames) = &mut frames {
             frames.solution(&solution).with_context(cannot_write)?;
         }
-        if let Some(files) = &mut files {
-            files.push(&solution)?;
+        match (&mut recording, &mut files) {
+            (Some(recording), _) => recording.push(&engine, &solution),
+            (None, Some(files)) => files.push(&solution)?,
+            (None, None) => {}
         }
     }
     if let Some(frames) = frames {
@@ -89,6 +100,9 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     }
     if epochs > 0 && !with_base {
         eprintln!("{}: no epoch of a base; there are only single points", args.log.display());
+    }
+    if let (Some(recording), Some(files)) = (recording, &mut files) {
+        recording.smooth_into(files)?;
     }
     match files {
         Some(files) => println!("{}", results::report(&files.finish(&settings)?.0)),

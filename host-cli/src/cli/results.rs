@@ -70,9 +70,10 @@ pub fn report(summary: &Summary) -> String {
         if summary.epochs > 0 { 100.0 * count as f64 / summary.epochs as f64 } else { 0.0 }
     };
     let first_fix = summary.first_fix_s.map_or("none".into(), |seconds| format!("after {seconds:.0} s"));
+    let smoothing = summary.smoothing.as_ref().map_or(String::new(), |smoothing| format!("\n{smoothing}"));
     format!(
         "{} epochs: fixed {:.2} %, partially {:.2} %, float {:.2} %, code {:.2} %, none {:.2} %; first fix {first_fix}; \
-         {:.0} epochs/s",
+         {:.0} epochs/s{smoothing}",
         summary.epochs,
         percent("fixed"),
         percent("partial"),

@@ -3,4 +3,5 @@
 pub mod base_check;
 pub mod run;
 pub mod settings;
+pub mod smoothing;
 pub mod stream;

@@ -2,6 +2,8 @@
 //!
 //! Everything has a default, meant for every case; only the bands follow the receivers.
 
+use crate::smooth::rtk::Options;
+use crate::smooth::rtk::noise::TimeConstants;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use surefix_core::gnss::satellite::Constellation;
@@ -37,6 +39,72 @@ pub struct Settings {
     pub phase_sigma_m: f64,
     /// Linearisation, slip detector and kind of fixed solution, for comparisons: the defaults are the best.
     pub estimation: Estimation,
+    /// What `--smooth` does.
+    pub smoothing: Smoothing,
+}
+
+/// Settings of smoothing.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Smoothing {
+    /// Learn the noise of motion and measurements from the data, as `--em` does.
+    pub em: bool,
+    /// Model multipath as noise that is correlated in time.
+    pub multipath: bool,
+    /// How long multipath of codes lasts `[s]`.
+    pub code_correlation_s: f64,
+    /// How long multipath of phases lasts `[s]`.
+    pub phase_correlation_s: f64,
+    /// Standard deviation of the antennas' phase centres, each horizontal axis `[m]`: constant over a run, so that no data
+    /// can tell it; it is added to the covariances.
+    pub phase_centre_horizontal_m: f64,
+    /// The same, vertical `[m]`.
+    pub phase_centre_vertical_m: f64,
+    /// Memory for densities `[MiB]`; a record that needs more is smoothed in stretches, at the cost of time.
+    pub memory_mib: u32,
+}
+
+impl Default for Smoothing {
+    fn default() -> Self {
+        let options = Options::default();
+        Self {
+            em: options.em,
+            multipath: options.coloured,
+            code_correlation_s: options.time_constants.code,
+            phase_correlation_s: options.time_constants.phase,
+            phase_centre_horizontal_m: options.phase_centres[0],
+            phase_centre_vertical_m: options.phase_centres[1],
+            memory_mib: (options.budget >> 20) as u32,
+        }
+    }
+}
+
+impl Smoothing {
+    /// The options of the smoother.
+    pub fn options(&self) -> Result<Options, SettingsError> {
+        let above = |name, value: f64| check(name, value, value.is_finite() && value > 0.0, "give a number above 0");
+        let sigma = |name, value: f64| check(name, value, (0.0..1.0).contains(&value), "give metres from 0 to below 1");
+        above("smoothing.memory_mib", self.memory_mib.into())?;
+        Ok(Options {
+            em: self.em,
+            budget: (self.memory_mib as usize) << 20,
+            coloured: self.multipath,
+            time_constants: TimeConstants {
+                code: above("smoothing.code_correlation_s", self.code_correlation_s)?,
+                phase: above("smoothing.phase_correlation_s", self.phase_correlation_s)?,
+            },
+            phase_centres: [
+                sigma("smoothing.phase_centre_horizontal_m", self.phase_centre_horizontal_m)?,
+                sigma("smoothing.phase_centre_vertical_m", self.phase_centre_vertical_m)?,
+            ],
+            ..Options::default()
+        })
+    }
+}
+
+/// A value, or the remedy if it is not good.
+fn check(name: &'static str, value: f64, good: bool, remedy: &'static str) -> Result<f64, SettingsError> {
+    if good { Ok(value) } else { Err(SettingsError::Value { name, value: value.to_string(), remedy }) }
 }
 
 impl Default for Settings {
@@ -55,6 +123,7 @@ impl Default for Settings {
             code_sigma_m: zenith(config.code.constant, config.code.elevation),
             phase_sigma_m: zenith(config.phase.constant, config.phase.elevation),
             estimation: config.estimation,
+            smoothing: Smoothing::default(),
         }
     }
 }
@@ -109,11 +178,8 @@ impl Settings {
 
     /// The configuration of the engine.
     pub fn config(&self) -> Result<RtkConfig, SettingsError> {
-        let value = |name, value: f64, good: bool, remedy| {
-            if good { Ok(value) } else { Err(SettingsError::Value { name, value: value.to_string(), remedy }) }
-        };
-        let positive = |name, v: f64| value(name, v, v.is_finite() && v > 0.0, "give a number above 0");
-        let angle = |name, v: f64| value(name, v, (0.0..90.0).contains(&v), "give degrees from 0 to below 90");
+        let positive = |name, v: f64| check(name, v, v.is_finite() && v > 0.0, "give a number above 0");
+        let angle = |name, v: f64| check(name, v, (0.0..90.0).contains(&v), "give degrees from 0 to below 90");
         let mut config = RtkConfig {
             bands: parse_bands(&self.bands)?,
             motion: self.motion,
@@ -126,9 +192,9 @@ impl Settings {
         };
         let rate = self.fix_success_rate;
         config.acceptance.success_rate =
-            value("fix_success_rate", rate, (0.0..1.0).contains(&rate), "give a probability from 0 to below 1")?;
+            check("fix_success_rate", rate, (0.0..1.0).contains(&rate), "give a probability from 0 to below 1")?;
         config.acceptance.ratio =
-            value("fix_ratio", self.fix_ratio, self.fix_ratio >= 1.0, "give a ratio of 1 or more")?;
+            check("fix_ratio", self.fix_ratio, self.fix_ratio >= 1.0, "give a ratio of 1 or more")?;
         config.acceptance.elevation_mask = angle("fix_elevation_mask_deg", self.fix_elevation_mask_deg)?.to_radians();
         let default = Self::default();
         let scale_code = positive("code_sigma_m", self.code_sigma_m)? / default.code_sigma_m;
@@ -182,6 +248,7 @@ mod tests {
         assert!((config.elevation_mask - default.elevation_mask).abs() < 1e-12);
         assert!((config.acceptance.elevation_mask - default.acceptance.elevation_mask).abs() < 1e-12);
         assert_eq!(config.acceptance.ratio, default.acceptance.ratio);
+        assert_eq!(Smoothing::default().options().unwrap(), Options::default());
     }
 
     #[test]
@@ -200,6 +267,9 @@ mod tests {
     fn wrong_values_and_unknown_fields_are_named() {
         let settings: Settings = toml::from_str("elevation_mask_deg = 95.0").unwrap();
         assert!(settings.config().unwrap_err().to_string().starts_with("elevation_mask_deg = 95"));
+        let settings: Settings = toml::from_str("[smoothing]\nphase_correlation_s = -1.0").unwrap();
+        let error = settings.smoothing.options().unwrap_err().to_string();
+        assert!(error.starts_with("smoothing.phase_correlation_s = -1: give a number above 0"), "{error}");
         assert!(Settings { fix_ratio: f64::NAN, ..Settings::default() }.config().is_err());
         let error = toml::from_str::<Settings>("elevation_mask = 10").unwrap_err().to_string();
         assert!(error.contains("unknown field `elevation_mask`"), "{error}");

@@ -6,12 +6,12 @@
 use crate::compare::{Options, Report, Truth, compare};
 use crate::process::run::Engine;
 use crate::process::stream::Input;
-use crate::read::solution::{Track, TrackPoint};
+use crate::read::solution::Track;
 use rayon::prelude::*;
 use std::fmt;
 use surefix_core::filter::linearize::Rule;
 use surefix_core::filter::mixed_integer::{Detector, Output};
-use surefix_core::gnss::solution::{Quality, Solution};
+use surefix_core::gnss::solution::Solution;
 use surefix_core::rtk::RtkConfig;
 use surefix_core::rtk::config::Estimation;
 
@@ -41,26 +41,9 @@ pub fn run(inputs: &[Input], config: &RtkConfig, truth: &Truth) -> Table {
     let row = |estimation: Estimation| {
         let mut engine = Engine::new(RtkConfig { estimation, ..*config });
         let solutions: Vec<Solution> = inputs.iter().filter_map(|input| engine.feed(input)).collect();
-        Row { estimation, report: compare(&track(&solutions), truth, &Options::default()) }
+        Row { estimation, report: compare(&Track::of(&solutions), truth, &Options::default()) }
     };
     Table(combinations.into_par_iter().map(row).collect())
-}
-
-/// Solutions as the comparison wants them.
-fn track(solutions: &[Solution]) -> Track {
-    let points = solutions.iter().filter(|solution| solution.quality != Quality::None).map(|solution| TrackPoint {
-        time: solution.time,
-        position: solution.position,
-        covariance: Some(solution.position_covariance),
-        velocity: Some(solution.velocity),
-        quality: solution.quality,
-    });
-    Track {
-        points: points.collect(),
-        epochs: solutions.len(),
-        start: solutions.first().map(|solution| solution.time),
-        ..Track::default()
-    }
 }
 
 impl fmt::Display for Table {

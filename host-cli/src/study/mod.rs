@@ -8,10 +8,12 @@
 //! | [`mixed_integer`] | Section V of Greiff et al. (CCTA 2021) |
 //! | [`drive`] | its choices on a real drive |
 //! | [`smoothing`] | Section 5 of Greiff et al. (2023) |
+//! | [`smoothing_drive`] | smoothing and EM on a real drive |
 
 pub mod drive;
 pub mod mixed_integer;
 pub mod monte_carlo;
 pub mod plot;
 pub mod smoothing;
+pub mod smoothing_drive;
 pub mod statistics;

@@ -1,5 +1,6 @@
 //! What a run came to, as JSON: how many epochs of which quality, first fix, ratio, what was dropped, how fast.
 
+use crate::process::smoothing::Smoothing;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::io::{self, Write};
@@ -40,6 +41,9 @@ pub struct Summary {
     pub dropped: BTreeMap<String, u64>,
     /// Warnings given on the way.
     pub warnings: Vec<String>,
+    /// What smoothing found out; absent where there was none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub smoothing: Option<Smoothing>,
     /// Processing time `[s]`.
     pub seconds: f64,
     /// Epochs processed in a second.
@@ -102,6 +106,7 @@ pub struct SummaryBuilder {
     epochs_with_rejection: u64,
     dropped: BTreeMap<String, u64>,
     warnings: Vec<String>,
+    smoothing: Option<Smoothing>,
 }
 
 /// The qualities and their names in the summary.
@@ -146,6 +151,11 @@ impl SummaryBuilder {
         self.warnings.push(warning.into());
     }
 
+    /// Takes note of what smoothing found out.
+    pub fn smoothing(&mut self, smoothing: Smoothing) {
+        self.smoothing = Some(smoothing);
+    }
+
     /// The summary of a run that read `inputs`, used `config` and took `elapsed`.
     pub fn finish(self, inputs: Vec<String>, config: &impl Serialize, elapsed: Duration) -> Summary {
         let count = |quality: Quality| self.by_quality[quality as usize];
@@ -168,6 +178,7 @@ impl SummaryBuilder {
             epochs_with_rejection: self.epochs_with_rejection,
             dropped: self.dropped,
             warnings: self.warnings,
+            smoothing: self.smoothing,
             seconds,
             epochs_per_second: (seconds > 0.0).then(|| self.epochs as f64 / seconds),
             config: serde_json::to_value(config).unwrap_or(serde_json::Value::Null),

@@ -4,6 +4,8 @@ use crate::cli::Outcome;
 use crate::cli::engine::EngineArgs;
 use crate::cli::files::Files;
 use crate::compare::Truth;
+use crate::process::settings::Settings;
+use crate::process::stream::Input;
 use crate::read::solution;
 use crate::study::drive;
 use anyhow::Context;
@@ -21,6 +23,13 @@ Example:
       --bands \"G1 E1 C2\" --truth truth.csv")]
 pub struct Args {
     #[command(flatten)]
+    drive: Drive,
+}
+
+/// A drive: its files, how to process them, and where the rover truly was.
+#[derive(clap::Args, Debug)]
+pub struct Drive {
+    #[command(flatten)]
     files: Files,
     #[command(flatten)]
     engine: EngineArgs,
@@ -32,20 +41,32 @@ pub struct Args {
     truth_quality: Option<String>,
 }
 
+impl Drive {
+    /// How to process it.
+    pub fn settings(&self) -> anyhow::Result<Settings> {
+        self.engine.settings()
+    }
+
+    /// All inputs, and the truth.
+    pub fn read(&self) -> anyhow::Result<(Vec<Input>, Truth)> {
+        let mut open = self.files.open()?;
+        open.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
+        let mut stream = open.stream();
+        let inputs = stream.by_ref().collect::<Result<Vec<_>, _>>()?;
+        stream.coverage()?;
+        let near = inputs.iter().find_map(|input| match input {
+            Input::Rover(epoch) => Some(epoch.time),
+            _ => None,
+        });
+        let options = solution::Options { near, only_quality: self.truth_quality.clone(), ..Default::default() };
+        Ok((inputs, Truth::Track(solution::read(&self.truth, &options)?)))
+    }
+}
+
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
-    let config = args.engine.rtk_config()?;
-    let mut open = args.files.open()?;
-    open.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
-    let mut stream = open.stream();
-    let inputs = stream.by_ref().collect::<Result<Vec<_>, _>>()?;
-    stream.coverage()?;
-    let near = inputs.iter().find_map(|input| match input {
-        crate::process::stream::Input::Rover(epoch) => Some(epoch.time),
-        _ => None,
-    });
-    let options = solution::Options { near, only_quality: args.truth_quality.clone(), ..Default::default() };
-    let truth = Truth::Track(solution::read(&args.truth, &options)?);
+    let config = args.drive.settings()?.config()?;
+    let (inputs, truth) = args.drive.read()?;
     let table = drive::run(&inputs, &config, &truth);
     print!("{table}");
     let matched = table.0.iter().map(|row| row.report.matched).max().context("no combination ran")?;

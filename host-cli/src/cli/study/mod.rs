@@ -5,6 +5,7 @@ use super::Outcome;
 mod drive;
 mod mixed_integer;
 mod smoothing;
+mod smoothing_drive;
 
 /// Repeat the simulations of a paper, with the numbers they must give, or compare its choices on a real drive.
 #[derive(clap::Args, Debug)]
@@ -18,6 +19,7 @@ enum Command {
     MixedInteger(mixed_integer::Args),
     Smoothing(smoothing::Args),
     Drive(drive::Args),
+    SmoothingDrive(smoothing_drive::Args),
 }
 
 /// Runs the command.
@@ -26,5 +28,6 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         Command::MixedInteger(args) => mixed_integer::run(args),
         Command::Smoothing(args) => smoothing::run(args),
         Command::Drive(args) => drive::run(args),
+        Command::SmoothingDrive(args) => smoothing_drive::run(args),
     }
 }

@@ -11,7 +11,7 @@ use nalgebra::{Matrix3, Vector3};
 use std::io::Read;
 use std::path::Path;
 use surefix_core::gnss::geodesy::Geodetic;
-use surefix_core::gnss::solution::Quality;
+use surefix_core::gnss::solution::{Quality, Solution};
 use surefix_core::gnss::time::{GpsTime, SECONDS_PER_WEEK};
 
 /// A position at a time.
@@ -44,6 +44,26 @@ pub struct Track {
     pub first_unreadable: Option<usize>,
     /// Rows at a time that an earlier row has already; they are left out.
     pub duplicates: usize,
+}
+
+impl Track {
+    /// What reading the file of these solutions gives.
+    pub fn of(solutions: &[Solution]) -> Self {
+        let with_position = solutions.iter().filter(|solution| solution.quality != Quality::None);
+        let points = with_position.map(|solution| TrackPoint {
+            time: solution.time,
+            position: solution.position,
+            covariance: Some(solution.position_covariance),
+            velocity: Some(solution.velocity),
+            quality: solution.quality,
+        });
+        Self {
+            points: points.collect(),
+            epochs: solutions.len(),
+            start: solutions.first().map(|solution| solution.time),
+            ..Self::default()
+        }
+    }
 }
 
 /// What the reader cannot know from the file alone.

@@ -27,7 +27,7 @@ use surefix_core::gnss::solution::Solution;
 use tape::Tape;
 
 /// How to smooth.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
     /// Whether noise is learned from the data (EM).
     pub em: bool,
@@ -40,6 +40,9 @@ pub struct Options {
     /// Uncertainty of the antennas' phase centres, horizontal (each axis) and vertical `[m]`: constant over a run, so that
     /// no data can tell it; added to the covariances that are reported.
     pub phase_centres: [f64; 2],
+    /// Factors on the standard deviations of process and measurement noise with which smoothing starts, to see whether EM
+    /// finds back from a wrong start.
+    pub start_factors: [f64; 2],
 }
 
 impl Default for Options {
@@ -50,6 +53,7 @@ impl Default for Options {
             coloured: true,
             time_constants: TimeConstants { code: 20.0, phase: 60.0 },
             phase_centres: [0.001, 0.002],
+            start_factors: [1.0; 2],
         }
     }
 }
@@ -71,7 +75,8 @@ const ROUNDS: usize = 4;
 /// Smooths a tape.
 pub fn smooth(tape: &Tape, options: &Options, progress: Option<&Progress>) -> Result<Smoothed, PassError> {
     let passes = Passes::new(PassOptions { budget: options.budget, storage: None, progress });
-    let noise = Noise::new(tape, options.time_constants, options.coloured);
+    let mut noise = Noise::new(tape, options.time_constants, options.coloured);
+    noise.scale(options.start_factors);
     let start = noise.parameters().to_vec();
     let mut run = Run { passes, model: RtkModel::new(tape, noise), report: Report::default() };
     if options.em {

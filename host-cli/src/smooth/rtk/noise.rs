@@ -108,6 +108,16 @@ impl Noise {
         self.parameters.iter_mut().zip(variances).for_each(|(parameter, &variance)| parameter.variance = variance);
     }
 
+    /// Multiplies the standard deviations of motion, and those of measurements, that may be learned by a factor, within
+    /// their bounds.
+    pub fn scale(&mut self, [motion, measurements]: [f64; 2]) {
+        for (i, parameter) in self.parameters.iter_mut().enumerate().filter(|(_, parameter)| parameter.learned) {
+            let factor = if i < Self::STAY { motion } else { measurements };
+            let [least, most] = parameter.bounds;
+            parameter.variance = (parameter.variance * factor * factor).clamp(least, most);
+        }
+    }
+
     /// Whether there are states of coloured noise.
     pub fn is_coloured(&self) -> bool {
         self.coloured
