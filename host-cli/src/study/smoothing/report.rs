@@ -13,7 +13,7 @@ impl fmt::Display for Study {
         let settings = &self.settings;
         writeln!(
             f,
-            "{} runs a row, epochs 0 to {}, seed {}; +- is one standard error; S is at K/2, window K/2 +- K/10",
+            "{} runs a row, epochs 0 to {}, seed {}; ± is one standard error; S is at K/2, window K/2 ± K/10",
             settings.runs, settings.last, settings.seed
         )?;
         self.tables.iter().try_for_each(|table| table_2(f, table))?;
@@ -79,7 +79,11 @@ fn table_2(f: &mut fmt::Formatter<'_>, table: &Table) -> fmt::Result {
     }
     for row in rows.filter(|row| row.scheme != Scheme::Erts) {
         let (model, scheme) = (row.differences.name(), row.scheme.name());
-        writeln!(f, "{model} {scheme}: fixed positions within {:.1e} m of those of ERTS", row.difference)?;
+        writeln!(
+            f,
+            "{model} {scheme}: fixed positions within {:.1e} m of those of ERTS, {:.1e} m where they are less than 1 m off",
+            row.difference.anywhere, row.difference.near_truth
+        )?;
     }
     Ok(())
 }
