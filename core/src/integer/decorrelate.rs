@@ -9,7 +9,9 @@
 //!    that takes rint(l_{j+1,j}) times component j+1 from j is done. After an exchange the search for the next one
 //!    goes on with the pair after it, the first that can have changed.
 //! 3. All other entries of L are reduced to |l| ≤ ½ once, at the end. Neither the success rate nor the number of
-//!    nodes of the search depends on them.
+//!    nodes of the search depends on them. (Not reducing them lets the entries of Z grow; where they become large, as for 27
+//!    ambiguities known to 100 cycles by themselves and to a fraction of one together, all are reduced at once and the
+//!    exchanges go on.)
 //!
 //! Equivalent to LLL reduction with δ ≈ 1.
 //!
@@ -28,6 +30,9 @@ pub const MAX_SWAPS_PER_SQUARE: usize = 64;
 
 /// A swap must lower the variance by this fraction, so that rounding cannot make two swaps undo each other for ever.
 const MIN_GAIN: f64 = 1e-6;
+
+/// Entries of Z and Z⁻¹ that are larger than this are a reason to reduce all of L.
+const LARGE_ENTRY: u64 = 1 << 24;
 
 /// Integer entries stay below this, exact in `f64` too.
 const MAX_ENTRY: i64 = 1 << 52;
@@ -71,13 +76,29 @@ pub fn decorrelate<T: Real>(
     }
     q.transpose();
     let swaps = reduce(q, d, transform, inverse)?;
+    reduce_entries(q, transform, inverse)?;
+    Ok(swaps)
+}
+
+/// Reduces all entries of U to at most ½.
+fn reduce_entries<T: Real>(
+    u: &mut MatMut<'_, T>,
+    transform: &mut MatMut<'_, i64>,
+    inverse: &mut MatMut<'_, i64>,
+) -> Result<(), IntegerError> {
+    let n = u.rows();
     for j in (0..n).rev() {
         for i in j + 1..n {
-            let multiple = nearest(q.at(j, i));
-            subtract_multiple(q, transform, inverse, j, i, multiple)?;
+            let multiple = nearest(u.at(j, i));
+            subtract_multiple(u, transform, inverse, j, i, multiple)?;
         }
     }
-    Ok(swaps)
+    Ok(())
+}
+
+/// The largest magnitude of an entry.
+fn largest(matrix: &MatMut<'_, i64>) -> u64 {
+    matrix.as_ref().iter().flatten().fold(0, |largest, entry| largest.max(entry.unsigned_abs()))
 }
 
 /// Sets a square matrix to the identity.
@@ -108,7 +129,7 @@ fn reduce<T: Real>(
     let last = d.len().saturating_sub(1);
     let keep = T::from_f64(1.0 - MIN_GAIN.max(8.0 * T::EPSILON.to_f64()));
     let limit = MAX_SWAPS_PER_SQUARE * d.len() * d.len();
-    let mut swaps = 0;
+    let (mut swaps, mut large) = (0, LARGE_ENTRY);
     // The pair (j, j + 1).
     let mut next = last;
     while let Some(j) = next.checked_sub(1) {
@@ -122,9 +143,13 @@ fn reduce<T: Real>(
             exchange(u, d, delta, j, multiple)?;
             let multiple = to_integer(multiple)?;
             let (row_j, row_next) = transform.two_rows_mut(j, next);
-            combine_and_exchange(row_j, -multiple, row_next)?;
+            let size = combine_and_exchange(row_j, -multiple, row_next)?;
             let (row_j, row_next) = inverse.two_rows_mut(j, next);
-            combine_and_exchange(row_next, multiple, row_j)?;
+            let size = size.max(combine_and_exchange(row_next, multiple, row_j)?);
+            if size > large {
+                reduce_entries(u, transform, inverse)?;
+                large = large.max(4 * largest(transform).max(largest(inverse)));
+            }
             swaps += 1;
             next = last.min(next + 1);
         } else {
@@ -152,7 +177,7 @@ fn subtract_multiple<T: Real>(
     let (row_j, row_i) = transform.row_pair(j, i);
     add_multiple(row_j, -multiple, row_i)?;
     let (row_i, row_j) = inverse.row_pair(i, j);
-    add_multiple(row_i, multiple, row_j)
+    add_multiple(row_i, multiple, row_j).map(|_| ())
 }
 
 /// Takes `multiple` of component j+1 from component j and exchanges the two; `delta` is the variance of what was j, given
@@ -179,34 +204,33 @@ fn exchange<T: Real>(u: &mut MatMut<'_, T>, d: &mut [T], delta: T, j: usize, mul
     Ok(())
 }
 
-/// (y, x) ← (x, y + s x) in exact integers.
-fn combine_and_exchange(y: &mut [i64], s: i64, x: &mut [i64]) -> Result<(), IntegerError> {
-    if s != 0 {
-        add_multiple(y, s, x)?;
-    }
+/// (y, x) ← (x, y + s x) in exact integers. Returns a bound of the magnitudes that changed.
+fn combine_and_exchange(y: &mut [i64], s: i64, x: &mut [i64]) -> Result<u64, IntegerError> {
+    let size = if s == 0 { 0 } else { add_multiple(y, s, x)? };
     y.iter_mut().zip(x).for_each(|(y, x)| core::mem::swap(y, x));
-    Ok(())
+    Ok(size)
 }
 
-/// y ← y + s x in exact integers.
-fn add_multiple(y: &mut [i64], s: i64, x: &[i64]) -> Result<(), IntegerError> {
+/// y ← y + s x in exact integers. Returns a bound of the magnitudes, at most twice the largest.
+fn add_multiple(y: &mut [i64], s: i64, x: &[i64]) -> Result<u64, IntegerError> {
+    let mut magnitudes = 0;
     if s.unsigned_abs() <= SMALL_MULTIPLE {
         // No entry is above MAX_ENTRY, so that nothing here overflows: 2⁹ · 2⁵² + 2⁵² < 2⁶³.
-        let mut magnitudes = 0;
         for (y, &x) in y.iter_mut().zip(x) {
             *y = y.wrapping_add(s.wrapping_mul(x));
             magnitudes |= y.unsigned_abs();
         }
-        return if magnitudes < MAX_ENTRY.unsigned_abs() { Ok(()) } else { Err(IntegerError::Overflow) };
+        return if magnitudes < MAX_ENTRY.unsigned_abs() { Ok(magnitudes) } else { Err(IntegerError::Overflow) };
     }
     for (y, &x) in y.iter_mut().zip(x) {
         let sum = s.checked_mul(x).and_then(|product| y.checked_add(product)).ok_or(IntegerError::Overflow)?;
         if sum.abs() > MAX_ENTRY {
             return Err(IntegerError::Overflow);
         }
+        magnitudes |= sum.unsigned_abs();
         *y = sum;
     }
-    Ok(())
+    Ok(magnitudes)
 }
 
 /// A whole number as an integer.

@@ -31,10 +31,10 @@ pub(super) fn run_cases(
     report: &mut Report,
     run: impl Fn(&str, Inputs, &mut Report) -> Result<(), CaseError>,
 ) {
-    for case in source.root["cases"].as_array().map_or(&[][..], Vec::as_slice) {
-        let id = case["name"].as_str().unwrap_or("case without name");
-        if let Err(error) = run(id, Inputs(case), report) {
-            report.unreadable(id, error);
+    for (index, case) in source.root["cases"].as_array().map_or(&[][..], Vec::as_slice).iter().enumerate() {
+        let id = case["name"].as_str().map_or_else(|| format!("case {index}"), str::to_owned);
+        if let Err(error) = run(&id, Inputs(case), report) {
+            report.unreadable(&id, error);
         }
     }
 }
@@ -156,8 +156,8 @@ pub mod least_squares {
     }
 }
 
-/// Float solutions of a smoother: the nearest integers, and those of bootstrapping where they are the same. (Where they are
-/// not, they depend on the decorrelation.)
+/// Float solutions of a smoother: the nearest integers, and those of bootstrapping where they are the same and have some
+/// chance to be right, 1 %. (Where not, they depend on the decorrelation.)
 pub mod smoothed {
     use super::*;
     use crate::smooth::integers::bootstrap_decorrelated;
@@ -182,10 +182,13 @@ pub mod smoothed {
         compare(report, "norm", id, found.best_norm, case.number("ils_sqnorm")?, 1e-6);
         let mut values = Vec::new();
         let rate = bootstrap_decorrelated(&a, &mut q, &mut values)?;
-        if nearest == bootstrapped {
+        let expected_rate = case.number("boot_success")?;
+        if nearest == bootstrapped && expected_rate > 0.01 {
             report.compare("bootstrapped", id, &json!(values), &json!(bootstrapped), Some(0.0));
         }
-        holds(report, "success_rate.near", id, rate.success >= 0.98 * case.number("boot_success")?);
+        if expected_rate > 0.01 {
+            holds(report, "success_rate.near", id, rate.success >= 0.98 * expected_rate);
+        }
         Ok(())
     }
 }
