@@ -15,25 +15,26 @@
 //! |---|---|
 //! | `EPOCHS` | epochs in the ring; the lag is up to `EPOCHS` − 1 |
 //! | `N` | states of an epoch |
-//! | `PACKED` | numbers of a lower triangle, which is [`packed`]`(N)`; any other value does not compile |
+//! | `PACKED` | numbers of a lower triangle: [`packed`]`(N)`, no other value compiles |
+//! | `WORK` | numbers that a step back works with: [`rts::buffer_len`]`(N, N)`, no other value compiles |
 //! | `ENTRIES` | entries of F |
 //! | `BLOCKS` | blocks of Q |
 //!
-//! Memory: `EPOCHS` · (`PACKED` + 2 `N` numbers + step) + 7 `N`² numbers of workspace. Cost: storing an epoch copies it; a
-//! step back is 2.7 n³ multiply-adds for n states before and after. Who wants every epoch smoothed, and can wait for it,
-//! takes twice the lag and asks once in L epochs for the depths L to 2L − 1 by [`FixedLag::smooth_each`]: two steps an
-//! epoch instead of L. Stack: no matrix and no vector of states. Panic contract: none.
+//! Memory: `EPOCHS` · (`PACKED` + 2 `N` numbers + step) + 4 `N`² + `WORK` numbers of workspace. Cost: storing an epoch
+//! copies it; a step back is 2.7 n³ multiply-adds for n states before and after. Who wants every epoch smoothed, and can
+//! wait for it, takes twice the lag and asks once in L epochs for the depths L to 2L − 1 by [`FixedLag::smooth_each`]: two
+//! steps an epoch instead of L. Stack: no matrix and no vector of states. Panic contract: none.
 //!
 //! ```
 //! use surefix_core::smooth::fixed_lag::{FixedLag, packed};
 //! use surefix_core::smooth::step::{Block, SparseMap, Step};
-//! use surefix_core::smooth::Moments;
+//! use surefix_core::smooth::{Moments, rts};
 //!
 //! // A random walk with a noise of 2, filtered to 2.
 //! let map = SparseMap { ends: &[1], entries: &[(0, 1.0)], columns: 1 };
 //! let noise = [Block { states: [0; 3], dim: 1, shape: [[1.0; 3]; 3], scale: 2.0, component: None }];
 //! let step = Step { map, offset: &[0.0], noise: &noise };
-//! let mut ring = FixedLag::<f64, 11, 1, { packed(1) }, 1, 1>::new(); // in firmware a `static`
+//! let mut ring = FixedLag::<f64, 11, 1, { packed(1) }, { rts::buffer_len(1, 1) }, 1, 1>::new();
 //! ring.push(None, Moments::packed(&[0.0], &[2.0])?)?;
 //! ring.push(Some(&step), Moments::packed(&[3.0], &[2.0])?)?;
 //! assert_eq!(ring.smooth(1)?.mean, [1.5]);
@@ -97,6 +98,7 @@ pub struct FixedLag<
     const EPOCHS: usize,
     const N: usize,
     const PACKED: usize,
+    const WORK: usize,
     const ENTRIES: usize,
     const BLOCKS: usize,
 > {
@@ -105,17 +107,25 @@ pub struct FixedLag<
     len: usize,
     /// Where the newest of them is.
     newest: usize,
-    work: Work<T, N>,
+    work: Work<T, N, WORK>,
 }
 
-impl<T: Real, const EPOCHS: usize, const N: usize, const PACKED: usize, const ENTRIES: usize, const BLOCKS: usize>
-    FixedLag<T, EPOCHS, N, PACKED, ENTRIES, BLOCKS>
+impl<
+    T: Real,
+    const EPOCHS: usize,
+    const N: usize,
+    const PACKED: usize,
+    const WORK: usize,
+    const ENTRIES: usize,
+    const BLOCKS: usize,
+> FixedLag<T, EPOCHS, N, PACKED, WORK, ENTRIES, BLOCKS>
 {
     /// An empty ring, which suits a `static`.
     pub const fn new() -> Self {
         const {
             assert!(EPOCHS > 0, "a ring of no epochs");
             assert!(PACKED == packed(N), "PACKED must be packed(N)");
+            assert!(WORK == rts::buffer_len(N, N), "WORK must be rts::buffer_len(N, N)");
         }
         Self { epochs: [const { Epoch::EMPTY }; EPOCHS], len: 0, newest: 0, work: Work::ZERO }
     }
@@ -182,7 +192,6 @@ impl<T: Real, const EPOCHS: usize, const N: usize, const PACKED: usize, const EN
             let before = epoch(depth)?;
             let step = after.step(before.n);
             let filtered = filtered.load(before)?;
-            let buffer = buffer.as_flattened_mut().as_flattened_mut();
             let mut predicted = predicted.moments_mut(after.n)?;
             // F P needs the room of the gain, which is made of it later.
             let mut mapped = MatMut::new(buffer, after.n, before.n, before.n).map_err(SmoothError::from)?;
@@ -198,8 +207,15 @@ impl<T: Real, const EPOCHS: usize, const N: usize, const PACKED: usize, const EN
     }
 }
 
-impl<T: Real, const EPOCHS: usize, const N: usize, const PACKED: usize, const ENTRIES: usize, const BLOCKS: usize>
-    Default for FixedLag<T, EPOCHS, N, PACKED, ENTRIES, BLOCKS>
+impl<
+    T: Real,
+    const EPOCHS: usize,
+    const N: usize,
+    const PACKED: usize,
+    const WORK: usize,
+    const ENTRIES: usize,
+    const BLOCKS: usize,
+> Default for FixedLag<T, EPOCHS, N, PACKED, WORK, ENTRIES, BLOCKS>
 {
     fn default() -> Self {
         Self::new()
@@ -294,21 +310,21 @@ fn head<E>(entries: &[E], len: usize) -> &[E] {
 
 /// Memory of the steps back.
 #[derive(Clone, Debug)]
-struct Work<T, const N: usize> {
+struct Work<T, const N: usize, const WORK: usize> {
     filtered: Density<T, N>,
     predicted: Density<T, N>,
     /// Of x⁺ and of x, in turns.
     smoothed: [Density<T, N>; 2],
     /// For [`rts::Work`].
-    buffer: [[[T; N]; N]; 3],
+    buffer: [T; WORK],
 }
 
-impl<T: Real, const N: usize> Work<T, N> {
+impl<T: Real, const N: usize, const WORK: usize> Work<T, N, WORK> {
     const ZERO: Self = Self {
         filtered: Density::ZERO,
         predicted: Density::ZERO,
         smoothed: [const { Density::ZERO }; 2],
-        buffer: [[[T::ZERO; N]; N]; 3],
+        buffer: [T::ZERO; WORK],
     };
 }
 
@@ -353,7 +369,7 @@ mod tests {
     use proptest::prelude::*;
 
     /// Room for any [`problem`].
-    type Ring<const EPOCHS: usize> = FixedLag<f64, EPOCHS, 6, { packed(6) }, 12, 6>;
+    type Ring<const EPOCHS: usize> = FixedLag<f64, EPOCHS, 6, { packed(6) }, { rts::buffer_len(6, 6) }, 12, 6>;
 
     fn moments(density: &Known) -> Moments<'_, f64> {
         Moments::packed(&density.0, &density.1).unwrap()
@@ -426,7 +442,7 @@ mod tests {
             ),
             shapes_fit in any::<bool>(),
         ) {
-            let mut ring = FixedLag::<f64, 4, 4, { packed(4) }, 6, 3>::new();
+            let mut ring = FixedLag::<f64, 4, 4, { packed(4) }, { rts::buffer_len(4, 4) }, 6, 3>::new();
             let mut columns = 0;
             for (mean, covariance, entries, mut ends, noise, (depth, offset)) in epochs {
                 let mut offset = vec![1.0; offset];
@@ -470,7 +486,7 @@ mod tests {
     const SCALAR: Block<f64> = Block { states: [0; 3], dim: 1, shape: [[1.0; 3]; 3], scale: 1.0, component: None };
 
     /// A ring with room for one state, one entry and one block, that holds two epochs.
-    fn small() -> FixedLag<f64, 3, 1, 1, 1, 1> {
+    fn small() -> FixedLag<f64, 3, 1, 1, { rts::buffer_len(1, 1) }, 1, 1> {
         let mut ring = FixedLag::new();
         let map = SparseMap { ends: &[1], entries: &[(0, 1.0)], columns: 1 };
         let step = Step { map, offset: &[0.0], noise: &[SCALAR] };
@@ -511,7 +527,7 @@ mod tests {
     /// P = 0 and Q = 0: nothing to divide by.
     #[test]
     fn a_prediction_without_noise_is_an_error_of_the_step() {
-        let mut ring = FixedLag::<f64, 2, 1, 1, 1, 0>::default();
+        let mut ring = FixedLag::<f64, 2, 1, 1, { rts::buffer_len(1, 1) }, 1, 0>::default();
         let map = SparseMap { ends: &[1], entries: &[(0, 1.0)], columns: 1 };
         let step = Step { map, offset: &[0.0], noise: &[] };
         for step in [None, Some(&step)] {
@@ -525,8 +541,11 @@ mod tests {
     /// 57 states and a lag of 10 in double precision: what a `static` takes.
     #[test]
     fn memory() {
-        type Large = FixedLag<f64, 11, 57, { packed(57) }, 128, 32>;
+        type Large = FixedLag<f64, 11, 57, { packed(57) }, { rts::buffer_len(57, 57) }, 128, 32>;
         let epoch = 8 * (packed(57) + 2 * 57) + size_of::<usize>() * (57 + 2) + 16 * 128 + size_of::<Block<f64>>() * 32;
-        assert_eq!(size_of::<Large>(), 11 * epoch + 8 * (7 * 57 * 57 + 4 * 57) + 2 * size_of::<usize>());
+        assert_eq!(
+            size_of::<Large>(),
+            11 * epoch + 8 * (4 * 57 * 57 + 4 * 57 + rts::buffer_len(57, 57)) + 2 * size_of::<usize>()
+        );
     }
 }

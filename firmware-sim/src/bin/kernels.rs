@@ -1,4 +1,4 @@
-//! Every kernel of `linalg` and `integer` in both scalars, so that `cargo xtask panics` sees also those that the replay
+//! Every kernel of `linalg`, `integer` and `smooth` in both scalars, so that `cargo xtask panics` sees also those that the replay
 //! does not link. Dimensions come from where the compiler cannot see them; what the kernels answer does not matter.
 #![no_std]
 #![no_main]
@@ -14,6 +14,9 @@ use surefix_core::linalg::sequential::{Row, update_scalar, update_scalar_joseph}
 use surefix_core::linalg::{LinalgError, Mat, MatMut};
 use surefix_core::linalg::{block, cholesky, eigen, ldl, projection, square_root, symmetric, triangular};
 use surefix_core::real::Real;
+use surefix_core::smooth::disturbance::Adjoint;
+use surefix_core::smooth::step::{Block, SparseMap, Step};
+use surefix_core::smooth::{Moments, MomentsMut, SmoothError, em, predict, rts};
 use surefix_firmware::board::{self, Board};
 
 /// Largest dimension.
@@ -24,7 +27,10 @@ const BUFFERS: usize = 5;
 #[cortex_m_rt::entry]
 fn main() -> ! {
     let Some(_board) = Board::take() else { board::exit(1) };
-    let shapes_fit = kernels::<f64>(hide(N)).is_ok() && kernels::<f32>(hide(N)).is_ok();
+    let shapes_fit = kernels::<f64>(hide(N)).is_ok()
+        && kernels::<f32>(hide(N)).is_ok()
+        && smoothers::<f64>(hide(N)).is_ok()
+        && smoothers::<f32>(hide(N)).is_ok();
     defmt::info!("every kernel returned, shapes fit: {=bool}", shapes_fit);
     board::exit(if shapes_fit { 0 } else { 1 })
 }
@@ -108,6 +114,51 @@ fn kernels<T: Real>(n: usize) -> Result<(), LinalgError> {
     hide([success_rate::eigenvalue_lower(adop, n), success_rate::eigenvalue_upper(adop, n)]);
     hide(success_rate::slab_upper(a.as_ref(), k.as_ref(), b, c, e, u).is_ok());
     hide(FailureRate::Percent.ratio_threshold(hide(Probability { success: 0.9, failure: 0.1 }), n));
+    Ok(())
+}
+
+/// The steps of the smoothers and the sums of EM.
+fn smoothers<T: Real>(n: usize) -> Result<(), SmoothError> {
+    let mut matrices = [[T::ONE; N * N]; 7];
+    let mut vectors = [[T::ONE; N]; 7];
+    let mut buffer = [T::ONE; rts::buffer_len(N, N)];
+    let [a, b, c, d, e, f, g] = hide(&mut matrices);
+    let [u, v, w, x, y, z, t] = hide(&mut vectors).each_mut().map(|vector| vector.get_mut(..n).unwrap_or_default());
+    let (mut work, mut unit) = (MatMut::square(f, n)?, MatMut::square(g, n)?);
+
+    let noise = hide([Block {
+        states: [0, 1, 2],
+        dim: 2,
+        shape: [[T::ONE, T::ZERO, T::ZERO], [T::ZERO, T::ONE, T::ZERO], [T::ZERO; 3]],
+        scale: T::ONE,
+        component: Some(0),
+    }]);
+    let (ends, entries) = (hide([1, 2, 3, 4]), hide([(0, T::ONE), (1, T::ONE), (2, T::ONE), (3, T::ONE)]));
+    let map = SparseMap { ends: ends.get(..n).unwrap_or_default(), entries: &entries, columns: n };
+    let step = Step { map, offset: t, noise: &noise };
+
+    let filtered = Moments::packed(u, a)?;
+    let mut predicted = MomentsMut::packed(v, b)?;
+    let next = Moments::packed(w, c)?;
+    hide(predict::predict(&step, filtered, &mut predicted, &mut work).is_ok());
+    let mut smoothed = MomentsMut::packed(x, d)?;
+    let mut steps = rts::Work::new(&mut buffer, n, n)?;
+    hide(rts::smooth(&step, filtered, &mut predicted, next, &mut smoothed, &mut steps).is_ok());
+    hide(steps.lag_one(next.covariance, &mut work).is_ok());
+
+    let mut adjoint = Adjoint::packed(y, e)?;
+    hide(adjoint.measurement(filtered.mean, next.mean, T::ONE, T::ONE, z).is_ok());
+    hide(adjoint.noise(&noise[0]).is_ok());
+    hide(adjoint.smooth(filtered, &mut smoothed, &mut work).is_ok());
+    let mut before = Adjoint { score: predicted.mean, information: predicted.covariance };
+    hide(adjoint.time_step(&step, &mut before, &mut work).is_ok());
+
+    let mut sum = em::Sum::default();
+    hide(em::process(&step, filtered, next, &mut work, |_, other| sum.merge(other)).is_ok());
+    hide(sum.scale());
+    hide(em::independent(&map, 0..hide(n), |_| T::ONE, |_| T::ONE, next.covariance, z).is_ok());
+    let (product, covariance) = (&mut before.information, next.covariance);
+    hide(em::correlated(&map, hide(0), z, &mut unit, covariance, &mut work, product).is_ok());
     Ok(())
 }
 

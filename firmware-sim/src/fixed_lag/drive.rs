@@ -20,6 +20,7 @@ use surefix_core::model::motion::Motion;
 use surefix_core::real::Real;
 use surefix_core::smooth::fixed_lag::{FixedLag, FixedLagError, packed};
 use surefix_core::smooth::predict::predict;
+use surefix_core::smooth::rts::buffer_len;
 use surefix_core::smooth::step::{Block, SparseMap, Step};
 use surefix_core::smooth::{Moments, MomentsMut, SmoothError};
 
@@ -58,7 +59,8 @@ const PRIOR_CLOCK: f64 = 3.0;
 const PRIOR_AMBIGUITY: f64 = 10.0;
 
 /// The ring of this drive.
-pub type Ring<T> = FixedLag<T, { LAG + 1 }, STATES, { packed(STATES) }, ENTRIES, BLOCKS>;
+pub type Ring<T> =
+    FixedLag<T, { LAG + 1 }, STATES, { packed(STATES) }, { buffer_len(STATES, STATES) }, ENTRIES, BLOCKS>;
 
 /// Why an epoch failed; no epoch of this drive does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -243,11 +245,11 @@ impl<T: Real> Default for Drive<T> {
 }
 
 impl<T: Real> Drive<T> {
-    /// Before the first epoch.
+    /// Before the first epoch: all zero, so that a `static` takes no flash.
     pub const fn new() -> Self {
         Self {
             epoch: 0,
-            noise: Noise(2023),
+            noise: Noise(0),
             cycles: [0.0; SATELLITES],
             tracked: [false; SATELLITES],
             filtered: Density::EMPTY,
