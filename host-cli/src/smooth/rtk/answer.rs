@@ -5,8 +5,8 @@ use crate::smooth::model::Density;
 use nalgebra::{Matrix3, Vector3};
 use surefix_core::gnss::solution::{Quality, Reason, Solution};
 
-/// Fewest fixed double differences of a fixed solution.
-const FEWEST: usize = 4;
+/// Fewest fixed double differences of a fixed solution: those that determine a position.
+const FEWEST: usize = 3;
 
 /// Double differences of an epoch that may be fixed, and those that are.
 pub fn ambiguities(model: &RtkModel<'_>, epoch: usize) -> [usize; 2] {

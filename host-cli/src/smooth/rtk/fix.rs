@@ -19,8 +19,13 @@ const CAPACITY: usize = 64;
 /// Most sets tried for one density: the least certain eighth is left out each time.
 const SETS: usize = 16;
 
+/// By how much the ratio must exceed the engine's: covariances depend on noise that was learned from the same data.
+const STRICTER: f64 = 0.5;
+
 /// The ambiguities of one density, those of the smallest variance first.
 struct Sample {
+    /// Fewest that may be fixed.
+    least: usize,
     integers: Vec<Integer>,
     float: Vec<f64>,
     covariance: Vec<f64>,
@@ -56,7 +61,11 @@ impl Samples {
         let float = self.list.iter().map(|integer| smoothed.mean[integer.state]).collect();
         let pairs = self.list.iter().flat_map(|a| self.list.iter().map(move |b| (a.state, b.state)));
         let covariance = pairs.map(|(i, j)| smoothed.covariance(i, j)).collect();
-        self.samples.push(Sample { integers: self.list.clone(), float, covariance });
+        // Where a position is fixed already, it proves single integers; else they have to prove each other.
+        let acceptance = &model.tape().config().acceptance;
+        let least =
+            if ambiguities(model, epoch)[1] > acceptance.min_ambiguities { 1 } else { acceptance.min_ambiguities + 1 };
+        self.samples.push(Sample { least, integers: self.list.clone(), float, covariance });
     }
 
     /// Fixes what is accepted; returns how many states are gone by it.
@@ -85,6 +94,9 @@ impl Sample {
     fn resolve(&self, acceptance: &Acceptance, workspace: &mut Workspace<f64, CAPACITY>) -> Option<Vec<i64>> {
         let stride = self.integers.len();
         let mut m = stride;
+        if m < self.least {
+            return None;
+        }
         for _ in 0..SETS {
             let q = Mat::new(&self.covariance, m, m, stride).ok()?;
             if let Ok(resolution) = integer::resolve(&self.float[..m], q, &Config::default(), workspace) {
@@ -93,14 +105,14 @@ impl Sample {
                 let variances: Vec<f64> = resolution.variances.iter().map(|variance| variance * factor).collect();
                 let success = integer::success_rate::bootstrapped(&variances).success;
                 if success >= acceptance.success_rate
-                    && resolution.ratio >= acceptance.ratio
+                    && resolution.ratio >= acceptance.ratio + STRICTER
                     && resolution.method == Method::LeastSquares
                 {
                     return Some(resolution.best.to_vec());
                 }
             }
             m -= (m / 8).max(1);
-            if m == 0 {
+            if m < self.least {
                 break;
             }
         }

@@ -16,6 +16,8 @@ pub mod report;
 pub mod rows;
 pub mod tape;
 
+use crate::smooth::em::{self, EmOptions};
+use crate::smooth::history::Storage;
 use crate::smooth::model::Model;
 use crate::smooth::pass::{PassError, PassOptions, Passes};
 use crate::smooth::progress::Progress;
@@ -67,8 +69,8 @@ pub struct Smoothed {
     pub report: Report,
 }
 
-/// Iterations of EM before integers are fixed, and after.
-const ITERATIONS: [usize; 2] = [8, 12];
+/// Evaluations of EM (passes forward and backward) before integers are fixed, and after.
+const EVALUATIONS: [usize; 2] = [10, 20];
 /// Rounds of fixing: those fixed help the rest.
 const ROUNDS: usize = 4;
 
@@ -79,12 +81,13 @@ pub fn smooth(tape: &Tape, options: &Options, progress: Option<&Progress>) -> Re
     noise.scale(options.start_factors);
     let start = noise.parameters().to_vec();
     let mut run = Run { passes, model: RtkModel::new(tape, noise), report: Report::default() };
+    run.announce(options.em);
     if options.em {
-        run.learn(ITERATIONS[0])?;
+        run.learn(EVALUATIONS[0])?;
     }
     run.fix()?;
     if options.em {
-        run.learn(ITERATIONS[1])?;
+        run.learn(EVALUATIONS[1])?;
         run.fix()?;
     }
     run.model.take_gauges();
@@ -96,6 +99,11 @@ pub fn smooth(tape: &Tape, options: &Options, progress: Option<&Progress>) -> Re
     run.passes.backward(model, |epoch| {
         answer::answer(model, epoch.k, epoch.smoothed, options.phase_centres, &mut solutions[epoch.k]);
     })?;
+    run.report.memory = match run.passes.storage() {
+        Some(Storage::Checkpoints { .. }) => "checkpoints",
+        Some(Storage::File) => "file",
+        _ => "all epochs",
+    };
     run.report.parameters = learned(&start, &run.model);
     run.report.arcs = fix::count(&run.model);
     Ok(Smoothed { solutions, report: run.report })
@@ -108,44 +116,40 @@ struct Run<'t, 'p> {
 }
 
 impl Run<'_, '_> {
+    /// Tells who watches how many passes are to come.
+    fn announce(&self, em: bool) {
+        let fixing = ROUNDS * if em { 2 } else { 1 };
+        let learning: usize = if em { EVALUATIONS.iter().sum() } else { 0 };
+        self.passes.expect(&self.model, 2 * (fixing + learning + 1));
+    }
+
     /// A forward pass; returns −ln likelihood.
     fn forward(&mut self) -> Result<f64, PassError> {
-        if let Some(progress) = self.passes.options().progress {
-            progress.expect(2 * self.model.epochs());
-        }
         self.report.passes += 1;
         Ok(self.passes.forward(&self.model)?.negative_log_likelihood())
     }
 
-    /// Iterations of EM with the integers of the time.
-    fn learn(&mut self, iterations: usize) -> Result<(), PassError> {
-        for _ in 0..iterations {
-            let value = self.forward()?;
-            self.report.negative_log_likelihood.push(value);
-            let sums = self.passes.backward_learning(&self.model, |_| ())?;
-            let variances: Vec<f64> = self
-                .model
-                .parameters()
-                .iter()
-                .enumerate()
-                .map(|(j, parameter)| {
-                    let learned = sums.variance(j).filter(|variance| parameter.learned && variance.is_finite());
-                    learned.unwrap_or(parameter.variance).clamp(parameter.bounds[0], parameter.bounds[1])
-                })
-                .collect();
-            self.model.set_variances(&variances);
-        }
+    /// EM with the integers of the time.
+    fn learn(&mut self, evaluations: usize) -> Result<(), PassError> {
+        // EM announces its passes itself.
+        self.passes.spare(2 * evaluations * self.model.epochs());
+        let options = EmOptions { evaluations, ..EmOptions::default() };
+        let learned = em::learn(&mut self.model, &mut self.passes, &options)?;
+        self.report.passes += learned.forward_passes;
+        let history = learned.history.iter().map(|step| step.negative_log_likelihood);
+        self.report.negative_log_likelihood.extend(history);
         Ok(())
     }
 
     /// Rounds of fixing on the smoothing posterior.
     fn fix(&mut self) -> Result<(), PassError> {
-        for _ in 0..ROUNDS {
+        for round in 0..ROUNDS {
             self.forward()?;
             let mut samples = Samples::new(&self.model);
             let model = &self.model;
             self.passes.backward(model, |epoch| samples.take(model, epoch.k, epoch.smoothed))?;
             if samples.fix(&mut self.model) == 0 {
+                self.passes.spare(2 * (ROUNDS - 1 - round) * self.model.epochs());
                 break;
             }
         }

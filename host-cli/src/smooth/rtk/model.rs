@@ -10,14 +10,15 @@
 //! ```
 //! with a free common term for each epoch, group and type, which [`super::rows`] eliminates; w is how the configured
 //! variance of the measurement (elevation, C/N0) compares with that at the zenith, and its white noise has the variance
-//! α + β w. Coloured noise is a first-order Gauss–Markov process: μ⁺ = ρ μ + q, q ~ N(0, σ²(1 − ρ²)), ρ = exp(−h/τ).
+//! α + β w. Coloured noise is a first-order Gauss–Markov process: μ⁺ = ρ μ + q, q ~ N(0, σ²(1 − ρ²)), ρ = exp(−h/τ), for
+//! phases exp(−h/τ − s/ℓ) after s metres of travel: a rover that moves soon has other multipath.
 
 use super::clusters::{Ambiguity, Clusters, Layout, Layouts, Merge, Visit, visits};
 use super::noise::{Kind, Noise};
 use super::rows::{Differences, Row};
 use super::tape::Tape;
 use crate::smooth::model::{Density, Integer, Model, Parameter, Scratch, Sums, Transition};
-use std::cell::RefCell;
+use std::sync::{Mutex, PoisonError};
 use surefix_core::filter::update::{Form, Gauge, Stage, UpdateError, VECTORS, Work};
 use surefix_core::linalg::MatMut;
 
@@ -32,7 +33,21 @@ const NEW_AMBIGUITY: f64 = 100.0;
 /// Epochs of an arc whose codes tell about where its ambiguity is.
 const ANCHOR: usize = 30;
 
+/// Travel over which the multipath of phases changes to another one `[m]`: some wavelengths.
+const TRAVEL: f64 = 2.0;
+
+/// Innovations by type; a copy begins anew.
+#[derive(Debug, Default)]
+struct Gauges(Mutex<[Gauge<f64>; 3]>);
+
+impl Clone for Gauges {
+    fn clone(&self) -> Self {
+        Self::default()
+    }
+}
+
 /// A [`Model`] of a tape.
+#[derive(Clone)]
 pub struct RtkModel<'a> {
     tape: &'a Tape,
     visits: Vec<Visit>,
@@ -45,7 +60,7 @@ pub struct RtkModel<'a> {
     /// Whether each epoch is the first of new states.
     births: Vec<bool>,
     /// Normalised squared innovations and their number, by type, since the last call of [`RtkModel::take_gauges`].
-    gauges: RefCell<[Gauge<f64>; 3]>,
+    gauges: Gauges,
     /// Fixes that contradicted others.
     contradictions: usize,
 }
@@ -63,7 +78,7 @@ impl<'a> RtkModel<'a> {
             clusters,
             noise,
             births: Vec::new(),
-            gauges: RefCell::default(),
+            gauges: Gauges::default(),
             contradictions: 0,
         };
         model.lay_out();
@@ -107,7 +122,13 @@ impl<'a> RtkModel<'a> {
 
     /// Innovations by type since the last call.
     pub fn take_gauges(&self) -> [Gauge<f64>; 3] {
-        self.gauges.take()
+        std::mem::take(&mut *self.gauges.0.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// How far the rover went from epoch k to the next, by the engine's answers `[m]`.
+    fn travel(&self, k: usize) -> f64 {
+        let solutions = self.tape.solutions();
+        (solutions[k + 1].position - solutions[k].position).norm()
     }
 
     fn motion_states(&self) -> usize {
@@ -355,7 +376,8 @@ impl Model for RtkModel<'_> {
                 let place = before.visits.iter().position(|&other| other == visit);
                 match place {
                     Some(place) => {
-                        let rho = (-h / self.noise.time_constant(kind)).exp();
+                        let travel = if kind == Kind::Phase { self.travel(k) / TRAVEL } else { 0.0 };
+                        let rho = (-h / self.noise.time_constant(kind) - travel).exp();
                         let state = transition.push(0.0, &[(first + nth * before.visits.len() + place, rho)]);
                         transition.noise(&[state], &[&[1.0 - rho * rho]], variance, Some(component));
                     }
@@ -370,13 +392,17 @@ impl Model for RtkModel<'_> {
 
     fn update(&self, k: usize, density: &mut Density, scratch: &mut Scratch) -> Result<Gauge<f64>, UpdateError> {
         let mut total = Gauge::default();
+        let mut gauges = [Gauge::default(); 3];
         let (mut rows, mut differences) = (Vec::new(), Differences::default());
         // Codes first: they narrow what is wide before phases narrow the rest.
         for kind in Kind::ALL {
             let gauge = self.take(k, kind, density, (&mut rows, &mut differences), &mut scratch.buffers)?;
-            self.gauges.borrow_mut()[kind as usize].add(gauge);
+            gauges[kind as usize] = gauge;
             total.add(gauge);
         }
+        let mut sums = self.gauges.0.lock().unwrap_or_else(PoisonError::into_inner);
+        sums.iter_mut().zip(gauges).for_each(|(sum, gauge)| sum.add(gauge));
+        drop(sums);
         Ok(total)
     }
 

@@ -44,7 +44,7 @@ const COMMON: usize = 5;
 mod start {
     /// White and coloured noise of codes, then of phases.
     pub const CODE: [f64; 2] = [0.1, 0.3];
-    pub const PHASE: [f64; 2] = [0.1, 0.2];
+    pub const PHASE: [f64; 2] = [0.5, 0.2];
     /// Random walk of an ambiguity `[cycles/√s]`: none in truth, but for rounding.
     pub const STAY: f64 = 1e-5;
 }

@@ -48,12 +48,14 @@ pub struct ArcCount {
 pub struct Report {
     /// Noise of motion and measurements.
     pub parameters: Vec<Learned>,
-    /// −ln likelihood of the innovations, one for each iteration of EM, each with the integers of its time.
+    /// −ln likelihood of the innovations: each step of EM, with the integers of its time, then that of the last pass.
     pub negative_log_likelihood: Vec<f64>,
     /// Innovations by type.
     pub consistency: Vec<Consistency>,
     /// Ambiguities.
     pub arcs: ArcCount,
-    /// Passes forward and backward in all.
+    /// Forward passes in all.
     pub passes: usize,
+    /// How filtered densities were kept: "all epochs", "checkpoints" or "file".
+    pub memory: &'static str,
 }
