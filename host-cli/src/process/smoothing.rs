@@ -65,8 +65,8 @@ impl Smoothing {
 
 impl fmt::Display for Smoothing {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Report { parameters, negative_log_likelihood, consistency, arcs, passes } = &self.report;
-        write!(f, "{:18}{passes} passes", "smoothing")?;
+        let Report { parameters, negative_log_likelihood, consistency, arcs, passes, memory } = &self.report;
+        write!(f, "{:18}{passes} passes over {memory}", "smoothing")?;
         match negative_log_likelihood.as_slice() {
             [] => writeln!(f)?,
             [only] => writeln!(f, ", −ln likelihood {only:.1}")?,
@@ -148,10 +148,11 @@ mod tests {
             consistency: vec![Consistency { of: "phase", count: 9, mean: 0.98 }],
             arcs: ArcCount { total: 3, fixed: 2, refused: 1, ..ArcCount::default() },
             passes: 7,
+            memory: "checkpoints",
         };
         let text = Smoothing { report, engine: None }.to_string();
         for part in [
-            "7 passes, −ln likelihood 30.0 → 10.0 in 2 iterations\n",
+            "7 passes over checkpoints, −ln likelihood 30.0 → 10.0 in 2 iterations\n",
             "3 arcs: 2 fixed, 1 refused, 0 contradictory, 0 float by nature\n",
             "phase 0.98 (1 is expected)\n",
             "phase noise G L1                            3.00 mm        2.00 mm",

@@ -113,8 +113,11 @@ fn noise(transition: &Transition, parameters: &[Parameter]) -> DMatrix<f64> {
     q
 }
 
+/// Mean and covariance.
+type Moments = (DVector<f64>, DMatrix<f64>);
+
 /// The smoothed mean and covariance of every epoch, and −ln p(y).
-pub(super) fn solve(model: &Dense) -> (Vec<(DVector<f64>, DMatrix<f64>)>, f64) {
+pub(super) fn solve(model: &Dense) -> (Vec<Moments>, f64) {
     let (system, parameters) = (model.system(), model.parameters());
     let total = system.prior.dim() + system.steps.iter().map(Transition::states).sum::<usize>();
     let mut w = DMatrix::zeros(total, total);

@@ -247,16 +247,19 @@ fn learn_once<M: Model>(model: &mut M, passes: &mut Passes<'_>, options: &EmOpti
         let change = second.at.iter().zip(&current.at).map(|(b, a)| (b - a).abs()).fold(0.0, f64::max);
         let before = current.value;
         let mut latest = second;
-        if options.accelerate && whole && change > options.change && search.backward_passes < options.evaluations {
-            if let Some((to, length)) = search.extrapolate(&current, &latest, longest) {
-                let value = search.value(&to)?;
-                if value < latest.value {
-                    latest = search.point(to, value)?;
-                    history.push(step(&latest, true));
-                    longest = if length == longest { 4.0 * longest } else { longest };
-                } else {
-                    longest = (longest / 4.0).max(2.0);
-                }
+        if options.accelerate
+            && whole
+            && change > options.change
+            && search.backward_passes < options.evaluations
+            && let Some((to, length)) = search.extrapolate(&current, &latest, longest)
+        {
+            let value = search.value(&to)?;
+            if value < latest.value {
+                latest = search.point(to, value)?;
+                history.push(step(&latest, true));
+                longest = if length == longest { 4.0 * longest } else { longest };
+            } else {
+                longest = (longest / 4.0).max(2.0);
             }
         }
         converged = before - latest.value <= options.decrease * search.rows as f64 || change <= options.change;

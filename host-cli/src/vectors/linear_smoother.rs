@@ -33,7 +33,10 @@ fn item(inputs: &Inputs, key: &str, k: usize) -> Result<Vec<f64>, CaseError> {
     fn flatten(value: &Value, numbers: &mut Vec<f64>) -> Option<()> {
         match value {
             Value::Array(items) => items.iter().try_for_each(|item| flatten(item, numbers)),
-            number => Some(numbers.push(number.as_f64()?)),
+            number => {
+                numbers.push(number.as_f64()?);
+                Some(())
+            }
         }
     }
     let mut numbers = Vec::new();

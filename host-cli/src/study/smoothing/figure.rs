@@ -75,7 +75,8 @@ pub fn adaptation_in_time(adaptation: &Adaptation) -> Drawing {
 pub fn convergence(adaptation: &Adaptation) -> Drawing {
     let mut drawing = Drawing::new(WIDTH, (TOP + 4.0 * PITCH + 20.0) as u32);
     heading(&mut drawing, "EM: objective and likelihood over iterations, each run less its last value");
-    let quantities: [(&str, fn(&Learning) -> &[f64]); 2] =
+    type Quantity = fn(&Learning) -> &[f64];
+    let quantities: [(&str, Quantity); 2] =
         [("Q(i, i-1)", |run| &run.objective), ("-ln p(y)", |run| &run.negative_log_likelihood)];
     for reading in Reading::ALL {
         for (k, (quantity, of)) in quantities.into_iter().enumerate() {
