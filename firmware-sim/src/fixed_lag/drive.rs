@@ -311,10 +311,8 @@ impl<T: Real> Drive<T> {
         let clock = PRIOR_CLOCK * self.noise.normal();
         let mut density = self.filtered.moments_mut()?;
         let gain = self.work.get_mut(..density.mean.len()).unwrap_or_default();
-        let mut ambiguity = AMBIGUITIES_FROM;
-        for (satellite, (_, &cycles)) in
-            self.tracked.iter().zip(&self.cycles).enumerate().filter(|(_, (tracked, _))| **tracked)
-        {
+        let in_view = self.tracked.iter().zip(&self.cycles).enumerate().filter(|(_, (tracked, _))| **tracked);
+        for (ambiguity, (satellite, (_, &cycles))) in (AMBIGUITIES_FROM..).zip(in_view) {
             let [east, north, up] = direction(satellite, self.epoch);
             let range = clock - (east * truth[0] + north * truth[1] + up * truth[2]);
             for (wavelength, sigma) in [0.0, WAVELENGTH].into_iter().zip(SIGMAS) {
@@ -328,7 +326,6 @@ impl<T: Real> Drive<T> {
                 update_scalar(density.mean, &mut density.covariance, row, innovation, variance, gain)
                     .map_err(SmoothError::from)?;
             }
-            ambiguity += 1;
         }
         Ok(())
     }
