@@ -53,7 +53,7 @@ impl Default for Options {
             em: false,
             budget: 512 << 20,
             coloured: true,
-            time_constants: TimeConstants { code: 20.0, phase: 60.0 },
+            time_constants: TimeConstants { code: 20.0, phase: 600.0 },
             phase_centres: [0.001, 0.002],
             start_factors: [1.0; 2],
         }
