@@ -264,6 +264,7 @@ impl<T: Real> Drive<T> {
     pub fn advance(&mut self) -> Result<[f64; 3], DriveError> {
         let is_first = self.epoch == 0;
         if is_first {
+            self.noise = Noise(2023);
             self.filtered = Density::prior();
         }
         let parts = self.change_satellites()?;

@@ -111,7 +111,6 @@ fn table_2(tables: &[Table]) -> io::Result<Vec<u8>> {
         "configuration", "model", "integers_from", "fixed_estimate", "scheme",
         "ta_rmse_m", "ta_rmse_m_se", "s_rmse_m", "s_rmse_m_se", "s_rmse_window_m", "s_rmse_window_m_se", "s_rapc_m",
         "rmse_over_rapc", "rmse_over_rapc_se", "ta_ifa_percent", "ta_ifa_percent_se", "ct_s", "difference_from_erts_m",
-        "difference_from_erts_less_than_1m_off_m",
         "paper_ta_rmse_m", "paper_s_rmse_m", "paper_s_rapc_m", "paper_ta_ifa_percent", "paper_ct_s",
         "independent_ta_rmse_m", "independent_s_rmse_window_m", "independent_s_rapc_m", "independent_ta_ifa_percent",
     ])?;
@@ -129,7 +128,7 @@ fn table_2(tables: &[Table]) -> io::Result<Vec<u8>> {
                 let numbers = ours
                     .chain([outcome.middle_rapc])
                     .chain([outcome.ratio, outcome.right].map(both).into_iter().flatten())
-                    .chain([outcome.seconds, row.difference.anywhere, row.difference.near_truth])
+                    .chain([outcome.seconds, row.difference])
                     .chain(first)
                     .chain(second.into_iter().take(4));
                 let part = format!("{:?}", table.part).to_lowercase();

@@ -34,7 +34,7 @@ use indicatif::ProgressBar;
 use outcome::Outcome;
 use scenario::{Differences, Record};
 use section::Part;
-use trial::{Difference, Fixed, Posterior, Run, Scheme, TrialError};
+use trial::{Fixed, Posterior, Run, Scheme, TrialError};
 
 /// What is to be done.
 #[derive(Clone, Debug, PartialEq)]
@@ -78,8 +78,8 @@ pub struct Row {
     pub scheme: Scheme,
     /// By source of the integers, then by estimate.
     pub outcomes: [[Outcome; 2]; 2],
-    /// From the fixed positions of ERTS.
-    pub difference: Difference,
+    /// Largest difference of any fixed position from that of ERTS `[m]`.
+    pub difference: f64,
 }
 
 /// Learned noise.
@@ -132,8 +132,7 @@ impl Table {
                     let fixed: Vec<&Fixed> = runs.iter().map(|run| &run[i].fixed[source as usize]).collect();
                     Posterior::ALL.map(|estimate| Outcome::of(&fixed, estimate))
                 });
-                let differences_from_erts = runs.iter().map(|run| Difference::between(&run[0], &run[i]));
-                let difference = differences_from_erts.fold(Difference::default(), Difference::max);
+                let difference = runs.iter().map(|run| trial::difference(&run[0], &run[i])).fold(0.0, f64::max);
                 rows.push(Row { differences, scheme, outcomes, difference });
             }
         }

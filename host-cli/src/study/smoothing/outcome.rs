@@ -95,7 +95,7 @@ mod tests {
     fn fixed(errors: &[f64], trace: f64, right: f64) -> Fixed {
         let positions: Vec<Position> =
             errors.iter().map(|&error| Position { error: Vector3::new(0.0, error, 0.0), trace }).collect();
-        Fixed { positions: [vec![], positions], right: Tally { sum: right, count: 4.0 }, seconds: 2.0 }
+        Fixed { positions: [vec![], positions], right: Tally { sum: right, count: 4.0 }, wrong: vec![], seconds: 2.0 }
     }
 
     /// Two runs of three epochs by hand.
