@@ -21,17 +21,17 @@
 //! Golub & Van Loan, *Matrix Computations*, 4th ed., secs. 1.5 and 4.2.6. Panic contract: none; where dimensions do not fit
 //! together, the smaller ones count.
 
+mod register;
+
 use super::{LinalgError, Mat, MatMut, head, tail, tail_mut};
 use crate::real::Real;
+use register::{Corner, Sign, Tile, accumulate, column, factor_corner, part, run, run_across, transposed};
 
 /// Numbers of a group: two vectors of four `f64` where there are such.
 pub const LANES: usize = if cfg!(target_pointer_width = "64") { 8 } else { 4 };
 
 /// Rows of a tile.
 pub const ROWS: usize = 4;
-
-/// Sums in registers.
-type Tile<T> = [[T; LANES]; ROWS];
 
 /// A dimension with what fills up the last group.
 pub const fn padded(n: usize) -> usize {
@@ -51,140 +51,6 @@ pub struct Tiles<'a, T> {
     rows: usize,
     /// Groups of a row.
     groups: usize,
-}
-
-/// Whether products are added or taken off.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Sign {
-    Add,
-    Subtract,
-}
-
-/// tile ± aᵀ b for one k.
-#[inline(always)]
-fn accumulate<T: Real>(tile: &mut Tile<T>, sign: Sign, a: &[T; ROWS], b: &[T; LANES]) {
-    for (row, &a) in tile.iter_mut().zip(a) {
-        for (sum, &b) in row.iter_mut().zip(b) {
-            match sign {
-                Sign::Add => *sum += a * b,
-                Sign::Subtract => *sum -= a * b,
-            }
-        }
-    }
-}
-
-/// The group at `group` of every row of `data`.
-#[inline(always)]
-fn column<T>(data: &[[T; LANES]], groups: usize, group: usize) -> Column<'_, T> {
-    Column { data: tail(data, group), stride: groups.max(1) }
-}
-
-/// The four numbers of a group from which the rows of a tile come; `part` is 0 or 1.
-#[inline(always)]
-fn part<T: Real>(group: &[T; LANES], part: usize) -> [T; ROWS] {
-    if part == 0 { core::array::from_fn(|r| group[r]) } else { core::array::from_fn(|r| group[LANES - ROWS + r]) }
-}
-
-/// One group of every row of a matrix, from some row on.
-#[derive(Clone, Copy)]
-struct Column<'k, T> {
-    data: &'k [[T; LANES]],
-    stride: usize,
-}
-
-impl<'k, T> Column<'k, T> {
-    #[inline(always)]
-    fn iter(self) -> impl Iterator<Item = &'k [T; LANES]> {
-        self.data.iter().step_by(self.stride)
-    }
-
-    /// The first rows alone.
-    #[inline(always)]
-    fn take(self, rows: usize) -> Self {
-        Self { data: head(self.data, rows.saturating_mul(self.stride)), stride: self.stride }
-    }
-}
-
-/// tile ± Σ_k a[k]ᵀ b[k], a being the `half` of its groups, over as many k as both have.
-#[inline(always)]
-fn run<T: Real>(tile: &mut Tile<T>, sign: Sign, half: usize, a: Column<'_, T>, b: Column<'_, T>) {
-    if half == 0 { run_half::<T, 0>(tile, sign, a, b) } else { run_half::<T, 1>(tile, sign, a, b) }
-}
-
-#[inline(always)]
-fn run_half<T: Real, const HALF: usize>(tile: &mut Tile<T>, sign: Sign, a: Column<'_, T>, b: Column<'_, T>) {
-    let mut sums = *tile;
-    let (mut at_a, mut at_b) = (0, 0);
-    while let (Some(a_k), Some(b_k)) = (a.data.get(at_a), b.data.get(at_b)) {
-        accumulate(&mut sums, sign, &part(a_k, HALF), b_k);
-        at_a += a.stride;
-        at_b += b.stride;
-    }
-    settle(tile, sums);
-}
-
-/// tile − r x, for four rows of r, over as many k as both have.
-#[inline(always)]
-fn run_across<T: Real>(tile: &mut Tile<T>, r: [&[[T; LANES]]; ROWS], x: Column<'_, T>) {
-    let mut sums = *tile;
-    let mut at = 0;
-    for (((r0, r1), r2), r3) in r[0].iter().zip(r[1]).zip(r[2]).zip(r[3]) {
-        for k in 0..LANES {
-            let Some(x_k) = x.data.get(at) else { break };
-            accumulate(&mut sums, Sign::Subtract, &[r0[k], r1[k], r2[k], r3[k]], x_k);
-            at += x.stride;
-        }
-    }
-    settle(tile, sums);
-}
-
-/// tile ← sums, in memory: so the compiler sees the sums of a loop end in stores of whole vectors, and keeps them in vectors
-/// all along, whatever follows.
-#[inline(always)]
-fn settle<T: Real>(tile: &mut Tile<T>, sums: Tile<T>) {
-    *tile = sums;
-    core::hint::black_box(tile);
-}
-
-/// The triangle on the diagonal of R for the rows of a tile, and the inverses of its diagonal.
-#[derive(Clone, Copy)]
-struct Corner<T> {
-    r: [[T; ROWS]; ROWS],
-    inverse: [T; ROWS],
-}
-
-impl<T: Real> Corner<T> {
-    /// R⁻ᵀ tile.
-    #[inline(always)]
-    fn forward(&self, tile: &mut Tile<T>) {
-        for i in 0..ROWS {
-            let mut row = tile[i];
-            for k in 0..i {
-                for c in 0..LANES {
-                    row[c] -= self.r[k][i] * tile[k][c];
-                }
-            }
-            for (x, to) in row.iter().zip(&mut tile[i]) {
-                *to = *x * self.inverse[i];
-            }
-        }
-    }
-
-    /// R⁻¹ tile.
-    #[inline(always)]
-    fn backward(&self, tile: &mut Tile<T>) {
-        for i in (0..ROWS).rev() {
-            let mut row = tile[i];
-            for k in i + 1..ROWS {
-                for c in 0..LANES {
-                    row[c] -= self.r[i][k] * tile[k][c];
-                }
-            }
-            for (x, to) in row.iter().zip(&mut tile[i]) {
-                *to = *x * self.inverse[i];
-            }
-        }
-    }
 }
 
 impl<'a, T: Real> Tiles<'a, T> {
@@ -499,35 +365,6 @@ impl<'a, T: Real> Tiles<'a, T> {
             },
         );
     }
-}
-
-/// Cholesky factorisation of one tile, given its diagonal before anything was subtracted.
-#[inline(always)]
-fn factor_corner<T: Real>(a: [[T; ROWS]; ROWS], diagonal: [T; ROWS], row: usize) -> Result<Corner<T>, LinalgError> {
-    let mut corner = Corner { r: [[T::ZERO; ROWS]; ROWS], inverse: [T::ZERO; ROWS] };
-    for i in 0..ROWS {
-        for j in i..ROWS {
-            let mut sum = a[i][j];
-            for k in 0..i {
-                sum -= corner.r[k][i] * corner.r[k][j];
-            }
-            if j == i {
-                if !(sum > T::EPSILON * diagonal[i] && sum.is_finite()) {
-                    return Err(LinalgError::NotPositiveDefinite { pivot: row + i });
-                }
-                corner.r[i][i] = sum.sqrt();
-                corner.inverse[i] = T::ONE / corner.r[i][i];
-            } else {
-                corner.r[i][j] = sum * corner.inverse[i];
-            }
-        }
-    }
-    Ok(corner)
-}
-
-#[inline(always)]
-fn transposed<T: Real>(square: &[[T; LANES]; LANES]) -> [[T; LANES]; LANES] {
-    core::array::from_fn(|r| core::array::from_fn(|c| square[c][r]))
 }
 
 #[cfg(test)]
