@@ -5,12 +5,14 @@
 //! | [`monte_carlo`] | trials on all cores, in order, with a progress bar |
 //! | [`statistics`] | ratios over runs with their standard errors |
 //! | [`plot`] | line plots as SVG and PNG, without system fonts |
+//! | [`files`] | tables and drawings as files |
 //! | [`mixed_integer`] | Section V of Greiff et al. (CCTA 2021) |
 //! | [`drive`] | its choices on a real drive |
 //! | [`smoothing`] | Section 5 of Greiff et al. (2023) |
 //! | [`smoothing_drive`] | smoothing and EM on a real drive |
 
 pub mod drive;
+pub mod files;
 pub mod mixed_integer;
 pub mod monte_carlo;
 pub mod plot;

@@ -1,14 +1,12 @@
 //! `surefix study mixed-integer`.
 
 use super::Outcome;
+use super::simulation::{self, Repeatable};
 use crate::study::mixed_integer::section::Part;
 use crate::study::mixed_integer::{Settings, Study};
-use crate::study::monte_carlo;
 use anyhow::Context;
 use clap::ValueEnum;
-use std::io::{IsTerminal, Write};
 use std::path::PathBuf;
-use std::time::Instant;
 
 /// Mixed-integer filter with cycle slips: Section V of Greiff et al. (2021).
 ///
@@ -36,42 +34,21 @@ pub struct Args {
     /// Runs of each configuration
     #[arg(long, value_name = "N", default_value_t = 60, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     runs: u32,
-    /// Seed of everything random
-    #[arg(long, value_name = "S", default_value_t = 1)]
-    seed: u64,
     /// Directory for the files; it is made if need be
     #[arg(short, long, value_name = "DIR", default_value = "study-mixed-integer")]
     output: PathBuf,
     /// Parts of the study to do; all if not given
     #[arg(long, value_name = "PART", value_delimiter = ',')]
     only: Vec<Part>,
-    /// Threads; all cores if not given
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
-    threads: Option<u16>,
+    #[command(flatten)]
+    repeatable: Repeatable,
 }
 
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let parts = if args.only.is_empty() { Part::value_variants().to_vec() } else { args.only.clone() };
-    let settings = Settings { runs: args.runs as usize, seed: args.seed, parts };
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(args.threads.map_or(0, usize::from))
-        .build()
-        .context("threads cannot be started; give --threads 1")?;
-    let progress = monte_carlo::progress_bar("runs");
-    let start = Instant::now();
-    let study = pool.install(|| Study::run(settings, &progress));
-    progress.finish_and_clear();
+    let settings = Settings { runs: args.runs as usize, seed: args.repeatable.seed, parts };
+    let study = args.repeatable.run(|progress| Study::run(settings, progress))?;
     let study = study.context("the filter refused its initial density")?;
-    if std::io::stderr().is_terminal() {
-        eprintln!("{} epochs in {:.1} s", study.epochs, start.elapsed().as_secs_f64());
-    }
-    let files = study.write(&args.output)?;
-    let mut out = std::io::stdout().lock();
-    write!(out, "{study}")?;
-    writeln!(out, "\nfiles:")?;
-    for file in files {
-        writeln!(out, "  {}", file.display())?;
-    }
-    Ok(if study.missed() == 0 { Outcome::Good } else { Outcome::Bad })
+    simulation::answer(&study, |directory| study.write(directory), &args.output, study.missed())
 }

@@ -4,6 +4,7 @@ use super::Outcome;
 
 mod drive;
 mod mixed_integer;
+mod simulation;
 mod smoothing;
 mod smoothing_drive;
 

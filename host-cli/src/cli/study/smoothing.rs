@@ -1,14 +1,12 @@
 //! `surefix study smoothing`.
 
 use super::Outcome;
-use crate::study::monte_carlo;
+use super::simulation::{self, Repeatable};
 use crate::study::smoothing::section::Part;
 use crate::study::smoothing::{Settings, Study};
 use anyhow::Context;
 use clap::ValueEnum;
-use std::io::{IsTerminal, Write};
 use std::path::PathBuf;
-use std::time::Instant;
 
 /// Smoother with integers and learned noise: Section 5 of Greiff et al. (2023).
 ///
@@ -36,9 +34,6 @@ pub struct Args {
     /// Runs of each row; of the part adaptation, ten at most
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     runs: u32,
-    /// Seed of everything random
-    #[arg(long, value_name = "S", default_value_t = 1)]
-    seed: u64,
     /// K, the last epoch of a run
     #[arg(long, value_name = "K", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(20..=100_000))]
     epochs: u32,
@@ -48,33 +43,15 @@ pub struct Args {
     /// Parts of the study to do; all if not given
     #[arg(long, value_name = "PART", value_delimiter = ',')]
     only: Vec<Part>,
-    /// Threads; all cores if not given
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
-    threads: Option<u16>,
+    #[command(flatten)]
+    repeatable: Repeatable,
 }
 
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let parts = if args.only.is_empty() { Part::value_variants().to_vec() } else { args.only.clone() };
-    let settings = Settings { runs: args.runs as usize, seed: args.seed, last: args.epochs as usize, parts };
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(args.threads.map_or(0, usize::from))
-        .build()
-        .context("threads cannot be started; give --threads 1")?;
-    let progress = monte_carlo::progress_bar("runs");
-    let start = Instant::now();
-    let study = pool.install(|| Study::run(settings, &progress));
-    progress.finish_and_clear();
+    let settings = Settings { runs: args.runs as usize, seed: args.repeatable.seed, last: args.epochs as usize, parts };
+    let study = args.repeatable.run(|progress| Study::run(settings, progress))?;
     let study = study.context("a run could not be smoothed")?;
-    if std::io::stderr().is_terminal() {
-        eprintln!("done in {:.1} s", start.elapsed().as_secs_f64());
-    }
-    let files = study.write(&args.output)?;
-    let mut out = std::io::stdout().lock();
-    write!(out, "{study}")?;
-    writeln!(out, "\nfiles:")?;
-    for file in files {
-        writeln!(out, "  {}", file.display())?;
-    }
-    Ok(if study.missed() == 0 { Outcome::Good } else { Outcome::Bad })
+    simulation::answer(&study, |directory| study.write(directory), &args.output, study.missed())
 }

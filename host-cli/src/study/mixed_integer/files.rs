@@ -1,61 +1,36 @@
 //! The study as files: CSV of every number with all its digits, the figure, and its run as a device log.
 
-use super::super::plot::png::{self, PngError};
-use super::super::plot::svg;
-use super::super::statistics::Estimate;
+use super::super::files::{Csv, Files, FilesError, both};
 use super::acceptance::BANDS;
 use super::constellation::Constellation;
 use super::detector_curve::{Curve, SIGMA_PROJECTION, SIGMA_WEIGHTED};
 use super::trial::{Position, Snapshot};
 use super::{Study, device_log, figure, section};
 use crate::study::monte_carlo;
-use crate::write::partial_file::PartialFile;
-use std::io::{self, Write};
+use std::io;
 use std::path::{Path, PathBuf};
 use surefix_core::filter::slip;
-
-/// Why the files were not written.
-#[derive(Debug, thiserror::Error)]
-pub enum FilesError {
-    /// A file or the directory.
-    #[error("{}: cannot be written ({error}); check that the directory may be written to and the disk is not full", path.display())]
-    Io {
-        /// Which.
-        path: PathBuf,
-        /// Why.
-        error: io::Error,
-    },
-    /// The figure.
-    #[error(transparent)]
-    Png(#[from] PngError),
-}
-
-/// A file's name and content.
-type Named = (&'static str, Vec<u8>);
 
 impl Study {
     /// Writes what there is into a directory, which is made if need be. Returns the files.
     pub fn write(&self, directory: &Path) -> Result<Vec<PathBuf>, FilesError> {
-        std::fs::create_dir_all(directory).map_err(|error| FilesError::Io { path: directory.to_owned(), error })?;
         let in_directory = |error| FilesError::Io { path: directory.to_owned(), error };
-        let mut files: Vec<Named> = Vec::new();
+        let mut files = Files::default();
         if !self.sections.is_empty() {
-            files.push(("configurations.csv", configurations(self).map_err(in_directory)?));
+            files.push("configurations.csv", configurations(self).map_err(in_directory)?);
         }
         if self.sections.iter().any(|(section, _)| section.part == super::Part::Acceptance) {
-            files.push(("acceptance.csv", acceptance(self).map_err(in_directory)?));
+            files.push("acceptance.csv", acceptance(self).map_err(in_directory)?);
         }
         if let Some(curves) = &self.curves {
-            files.push(("detectors.csv", detectors(curves).map_err(in_directory)?));
+            files.push("detectors.csv", detectors(curves).map_err(in_directory)?);
         }
         if let Some(track) = &self.track {
-            let drawing = figure::draw(track, self.settings.seed);
-            files.push(("figure1.csv", epochs(track).map_err(in_directory)?));
-            files.push(("figure1.svg", svg::render(&drawing).into_bytes()));
-            files.push(("figure1.png", png::render(&drawing)?));
-            files.push(("figure1.sfl", self.track_as_log().map_err(in_directory)?));
+            files.push("figure1.csv", epochs(track).map_err(in_directory)?);
+            files.draw("figure1", &figure::draw(track, self.settings.seed))?;
+            files.push("figure1.sfl", self.track_as_log().map_err(in_directory)?);
         }
-        files.into_iter().map(|(name, content)| write(&directory.join(name), &content)).collect()
+        files.write(directory)
     }
 }
 
@@ -67,43 +42,9 @@ impl Study {
     }
 }
 
-fn write(path: &Path, content: &[u8]) -> Result<PathBuf, FilesError> {
-    let file = PartialFile::create(path);
-    file.and_then(|mut file| file.write_all(content).and_then(|()| file.keep()))
-        .map_err(|error| FilesError::Io { path: path.to_owned(), error })?;
-    Ok(path.to_owned())
-}
-
-/// A table of texts and numbers.
-struct Table(csv::Writer<Vec<u8>>);
-
-impl Table {
-    fn new(header: impl IntoIterator<Item = impl AsRef<[u8]>>) -> io::Result<Self> {
-        let mut table = Self(csv::Writer::from_writer(Vec::new()));
-        table.0.write_record(header)?;
-        Ok(table)
-    }
-
-    /// A row; what is not a number is left empty.
-    fn row(&mut self, texts: &[&str], numbers: impl IntoIterator<Item = f64>) -> io::Result<()> {
-        let numbers = numbers.into_iter().map(|n| if n.is_nan() { String::new() } else { n.to_string() });
-        self.0.write_record(texts.iter().map(|text| (*text).to_owned()).chain(numbers))?;
-        Ok(())
-    }
-
-    fn finish(self) -> io::Result<Vec<u8>> {
-        self.0.into_inner().map_err(|error| error.into_error())
-    }
-}
-
-/// Value and standard error.
-fn both(estimate: Estimate) -> [f64; 2] {
-    [estimate.value, estimate.standard_error]
-}
-
 fn configurations(study: &Study) -> io::Result<Vec<u8>> {
     #[rustfmt::skip]
-    let mut table = Table::new([
+    let mut table = Csv::new([
         "table", "row", "rule", "detector", "fixing", "output",
         "prior_sigma_m", "jump_probability", "threshold_cycles", "sigma_stay_cycles", "bias_walk_m2_per_s",
         "right", "right_se", "single", "single_se",
@@ -153,7 +94,7 @@ fn configurations(study: &Study) -> io::Result<Vec<u8>> {
 
 fn acceptance(study: &Study) -> io::Result<Vec<u8>> {
     let mut table =
-        Table::new(["quantity", "unit", "rule", "verdict", "value", "standard_error", "band_low", "band_high"])?;
+        Csv::new(["quantity", "unit", "rule", "verdict", "value", "standard_error", "band_low", "band_high"])?;
     for (section, outcomes) in study.sections.iter().filter(|(section, _)| section.part == super::Part::Acceptance) {
         for band in &BANDS {
             for (row, outcome) in section.rows.iter().zip(outcomes) {
@@ -169,7 +110,7 @@ fn acceptance(study: &Study) -> io::Result<Vec<u8>> {
 
 fn detectors(curves: &[Curve; 2]) -> io::Result<Vec<u8>> {
     #[rustfmt::skip]
-    let mut table = Table::new([
+    let mut table = Csv::new([
         "detector", "threshold_cycles", "false_alarms", "false_alarms_se", "false_alarms_analytic",
         "detections_1", "detections_1_se", "detections_1_analytic", "detections_2", "detections_2_se",
         "detections_2_analytic", "detections_any", "detections_any_se",
@@ -203,7 +144,7 @@ fn epochs(track: &[Snapshot]) -> io::Result<Vec<u8>> {
     for quantity in ["real_error", "integer_error", "jump", "flag"] {
         header.extend((1..=count).map(|i| format!("n{i}_{quantity}")));
     }
-    let mut table = Table::new(&header)?;
+    let mut table = Csv::new(&header)?;
     for snapshot in track {
         let axes = |position: &Position| {
             let (error, covariance) = (position.error, position.covariance);

@@ -1,98 +1,35 @@
 //! The study as files: CSV of every number with all its digits, and the figures.
 
-use super::super::plot::Drawing;
-use super::super::plot::png::{self, PngError};
-use super::super::plot::svg;
+use super::super::files::{Csv, Files, FilesError, both};
 use super::adaptation::Reading;
 use super::section::{independent, paper};
 use super::trial::{Posterior, Scheme};
 use super::{Adaptation, Study, Table, figure};
-use crate::study::statistics::Estimate;
-use crate::write::partial_file::PartialFile;
-use std::io::{self, Write};
+use std::io;
 use std::path::{Path, PathBuf};
-
-/// Why the files were not written.
-#[derive(Debug, thiserror::Error)]
-pub enum FilesError {
-    /// A file or the directory.
-    #[error("{}: cannot be written ({error}); check that the directory may be written to and the disk is not full", path.display())]
-    Io {
-        /// Which.
-        path: PathBuf,
-        /// Why.
-        error: io::Error,
-    },
-    /// A figure.
-    #[error(transparent)]
-    Png(#[from] PngError),
-}
-
-/// A file's name and content.
-type Named = (String, Vec<u8>);
 
 impl Study {
     /// Writes what there is into a directory, which is made if need be. Returns the files.
     pub fn write(&self, directory: &Path) -> Result<Vec<PathBuf>, FilesError> {
         let in_directory = |error| FilesError::Io { path: directory.to_owned(), error };
-        std::fs::create_dir_all(directory).map_err(in_directory)?;
-        let mut files: Vec<Named> = vec![("acceptance.csv".into(), acceptance(self).map_err(in_directory)?)];
+        let mut files = Files::default();
+        files.push("acceptance.csv", acceptance(self).map_err(in_directory)?);
         if !self.tables.is_empty() {
-            files.push(("table2.csv".into(), table_2(&self.tables).map_err(in_directory)?));
+            files.push("table2.csv", table_2(&self.tables).map_err(in_directory)?);
         }
         for table in &self.tables {
-            let name = format!("{:?}", table.part).to_lowercase();
-            files.push((format!("figure2-{name}.csv"), epochs(table).map_err(in_directory)?));
-            draw(&mut files, &format!("figure2-{name}"), &figure::errors_in_time(table))?;
+            let name = format!("figure2-{:?}", table.part).to_lowercase();
+            files.push(format!("{name}.csv"), epochs(table).map_err(in_directory)?);
+            files.draw(&name, &figure::errors_in_time(table))?;
         }
         if let Some(adaptation) = &self.adaptation {
-            files.push(("figure3.csv".into(), adaptation_epochs(adaptation).map_err(in_directory)?));
-            draw(&mut files, "figure3", &figure::adaptation_in_time(adaptation))?;
-            files.push(("figure4.csv".into(), iterations(adaptation).map_err(in_directory)?));
-            draw(&mut files, "figure4", &figure::convergence(adaptation))?;
+            files.push("figure3.csv", adaptation_epochs(adaptation).map_err(in_directory)?);
+            files.draw("figure3", &figure::adaptation_in_time(adaptation))?;
+            files.push("figure4.csv", iterations(adaptation).map_err(in_directory)?);
+            files.draw("figure4", &figure::convergence(adaptation))?;
         }
-        files.into_iter().map(|(name, content)| write(&directory.join(name), &content)).collect()
+        files.write(directory)
     }
-}
-
-fn draw(files: &mut Vec<Named>, name: &str, drawing: &Drawing) -> Result<(), PngError> {
-    files.push((format!("{name}.svg"), svg::render(drawing).into_bytes()));
-    files.push((format!("{name}.png"), png::render(drawing)?));
-    Ok(())
-}
-
-fn write(path: &Path, content: &[u8]) -> Result<PathBuf, FilesError> {
-    let file = PartialFile::create(path);
-    file.and_then(|mut file| file.write_all(content).and_then(|()| file.keep()))
-        .map_err(|error| FilesError::Io { path: path.to_owned(), error })?;
-    Ok(path.to_owned())
-}
-
-/// A table of texts and numbers.
-struct Csv(csv::Writer<Vec<u8>>);
-
-impl Csv {
-    fn new(header: impl IntoIterator<Item = impl AsRef<[u8]>>) -> io::Result<Self> {
-        let mut table = Self(csv::Writer::from_writer(Vec::new()));
-        table.0.write_record(header)?;
-        Ok(table)
-    }
-
-    /// A row; what is not a number is left empty.
-    fn row(&mut self, texts: &[&str], numbers: impl IntoIterator<Item = f64>) -> io::Result<()> {
-        let numbers = numbers.into_iter().map(|n| if n.is_nan() { String::new() } else { n.to_string() });
-        self.0.write_record(texts.iter().map(|text| (*text).to_owned()).chain(numbers))?;
-        Ok(())
-    }
-
-    fn finish(self) -> io::Result<Vec<u8>> {
-        self.0.into_inner().map_err(|error| error.into_error())
-    }
-}
-
-/// Value and standard error.
-fn both(estimate: Estimate) -> [f64; 2] {
-    [estimate.value, estimate.standard_error]
 }
 
 fn acceptance(study: &Study) -> io::Result<Vec<u8>> {
