@@ -228,3 +228,39 @@ fn choose_references(layout: &mut Layout, live: &[(usize, [usize; 2])], arcs: &[
             .map(|&(cluster, _)| cluster);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn differences_follow_from_each_other() {
+        let mut clusters = Clusters::new(5);
+        assert_eq!(clusters.merge(0, 1, 3.0), Merge::New);
+        assert_eq!(clusters.merge(2, 3, -1.0), Merge::New);
+        assert_eq!(clusters.merge(1, 3, 10.0), Merge::New);
+        // n0 − n2 = 3 + 10 + 1.
+        assert_eq!(clusters.merge(0, 2, 14.0), Merge::Known);
+        assert_eq!(clusters.merge(2, 0, -13.0), Merge::Contradiction);
+        assert_eq!(clusters.merge(0, 2, 14.0), Merge::Known, "a contradiction changes nothing");
+        assert_eq!((clusters.size(3), clusters.size(4)), (4, 1));
+    }
+
+    proptest! {
+        /// Whatever the order, the differences within a cluster are those of the numbers.
+        #[test]
+        fn clusters_keep_the_numbers(
+            numbers in prop::collection::vec(-1000i32..1000, 12), pairs in prop::collection::vec((0usize..12, 0usize..12), 0..40)
+        ) {
+            let mut clusters = Clusters::new(numbers.len());
+            for (a, b) in pairs {
+                prop_assert!(clusters.merge(a, b, f64::from(numbers[a] - numbers[b])) != Merge::Contradiction);
+            }
+            for (a, &number) in numbers.iter().enumerate() {
+                let (root, d) = clusters.find(a);
+                prop_assert_eq!(d, f64::from(number - numbers[root]));
+            }
+        }
+    }
+}

@@ -15,6 +15,8 @@ pub mod noise;
 pub mod report;
 pub mod rows;
 pub mod tape;
+#[cfg(test)]
+mod tests;
 
 use crate::smooth::em::{self, EmOptions};
 use crate::smooth::history::Storage;

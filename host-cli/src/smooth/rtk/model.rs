@@ -169,6 +169,16 @@ impl<'a> RtkModel<'a> {
         (mean, sigma * sigma)
     }
 
+    /// States of coloured noise of an epoch and their parameters: of phases, then of codes.
+    fn coloured_states(&self, k: usize) -> impl Iterator<Item = (usize, usize)> {
+        let layout = self.layouts.of(k);
+        let first = self.motion_states() + layout.ambiguities.len();
+        let of_kind = |kind| layout.visits.iter().map(move |&visit| (kind, self.visits[visit].signal));
+        let signals = of_kind(Kind::Phase).chain(of_kind(Kind::Code)).enumerate();
+        signals
+            .map(move |(i, (kind, signal))| (first + i, self.noise.coloured(kind, self.tape.signals()[signal].group).0))
+    }
+
     /// The rows of one type and group in an epoch; Doppler has one group.
     fn rows(&self, k: usize, kind: Kind, group: usize, rows: &mut Vec<Row>) {
         rows.clear();
@@ -305,19 +315,13 @@ impl Model for RtkModel<'_> {
             density.covariance[i * n + i] = sigma * sigma;
         }
         let layout = self.layouts.of(0);
-        let mut i = self.motion_states();
-        for ambiguity in &layout.ambiguities {
+        for (i, ambiguity) in (self.motion_states()..).zip(&layout.ambiguities) {
             let (mean, variance) = self.ambiguity_prior(0, layout, ambiguity);
             density.mean[i] = mean;
             density.covariance[i * n + i] = variance;
-            i += 1;
         }
-        for kind in [Kind::Phase, Kind::Code] {
-            for &visit in &layout.visits {
-                let group = self.tape.signals()[self.visits[visit].signal].group;
-                density.covariance[i * n + i] = self.noise.coloured(kind, group).1;
-                i += 1;
-            }
+        for (i, component) in self.coloured_states(0) {
+            density.covariance[i * n + i] = self.noise.variance(component);
         }
     }
 
@@ -407,11 +411,18 @@ impl Model for RtkModel<'_> {
     }
 
     /// With the common term c | x ~ N(r̄, 1/W): E[eᵢ²] = (rᵢ − r̄)² + (hᵢ − h̄) P (hᵢ − h̄)ᵀ + 1/W. Of its two parts, with
-    /// variances v_a and v_b, E[e_a²] = (v_a/R)² E[e²] + v_a v_b/R.
+    /// variances v_a and v_b, E[e_a²] = (v_a/R)² E[e²] + v_a v_b/R. Coloured noise has its variance from the first epoch on,
+    /// before any step.
     fn residuals(&self, k: usize, smoothed: &Density, _scratch: &mut Scratch, sums: &mut Sums) {
         let mut rows = Vec::new();
         let mut states: Vec<usize> = Vec::new();
         let mut local: Vec<f64> = Vec::new();
+        if k == 0 {
+            for (i, component) in self.coloured_states(0) {
+                let square = smoothed.mean[i] * smoothed.mean[i] + smoothed.covariance(i, i);
+                sums.add(component, square, 1.0);
+            }
+        }
         for kind in Kind::ALL {
             for group in 0..self.groups(kind) {
                 self.rows(k, kind, group, &mut rows);

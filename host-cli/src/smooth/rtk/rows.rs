@@ -117,3 +117,49 @@ impl Rows<f64> for Differences {
         self.row(row).iter().for_each(|&(i, h)| entry(i, h));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use surefix_core::filter::common_term::CommonTerm;
+
+    /// The same as the core's elimination of a common term, for two groups one after the other.
+    #[test]
+    fn differences_are_those_of_the_core() {
+        let row = |states: [usize; 3], value: f64, variance: f64| {
+            let mut entries = [(0, 0.0); 5];
+            for (i, (entry, state)) in entries.iter_mut().zip(states).enumerate() {
+                *entry = (state, 0.3 * value - i as f64);
+            }
+            Row { entries, len: 3, value, weight: 1.0, variance }
+        };
+        let groups = [
+            vec![row([0, 1, 3], 1.5, 0.2), row([0, 1, 4], -0.5, 0.1), row([0, 1, 3], 0.7, 2.0)],
+            vec![row([2, 1, 0], 9.0, 1.0), row([0, 4, 2], 8.0, 0.5)],
+        ];
+        let mut differences = Differences::default();
+        differences.reset(5);
+        let mut common = CommonTerm::<f64, 5>::new();
+        let mut number = 0;
+        for rows in &groups {
+            differences.push(rows);
+            common.reset();
+            for row in rows {
+                let Some(expected) = common.difference(5, row.entries(), row.value, row.variance) else { continue };
+                let mut dense = [0.0; 5];
+                differences.for_each(number, &mut |i, h| dense[i] += h);
+                assert!(dense.iter().zip(expected.row).all(|(a, b)| (a - b).abs() < 1e-14), "{dense:?} {expected:?}");
+                assert!((differences.values[number] - expected.measurement).abs() < 1e-14);
+                assert!((differences.variances[number] - expected.variance).abs() < 1e-14);
+                let x = [0.4, -1.0, 2.0, 0.1, 3.0];
+                let innovation = expected.measurement - expected.row.iter().zip(&x).map(|(h, x)| h * x).sum::<f64>();
+                assert!((differences.innovation(number, &x) - innovation).abs() < 1e-13);
+                number += 1;
+            }
+        }
+        assert_eq!((number, differences.len(), differences.is_empty()), (3, 3, false));
+        differences.reset(5);
+        differences.push(&groups[0][..1]);
+        assert!(differences.is_empty(), "a row alone says nothing");
+    }
+}
