@@ -46,13 +46,17 @@ pub fn errors_in_time(table: &Table) -> Drawing {
     drawing
 }
 
-/// Fig. 3: RMSE and RAPC of (A), (B) and (C) in time, one panel for each reading of the start.
+/// Fig. 3: RMSE and RAPC of (A) to (D) in time, one panel for each reading of the start.
 pub fn adaptation_in_time(adaptation: &Adaptation) -> Drawing {
     let mut drawing = Drawing::new(WIDTH, (TOP + 2.0 * PITCH + 20.0) as u32);
-    heading(&mut drawing, "RMSE (thin) and RAPC (thick): (A) RTSAP, wrong noise; (B) APP; (C) RTSAP, true noise");
+    heading(
+        &mut drawing,
+        "RMSE (thin) and RAPC (thick): (A) RTSAP, wrong noise; (B) APP; (C) RTSAP, true noise; (D) APP, fixed",
+    );
     for reading in Reading::ALL {
-        let [start, learned] = &adaptation.cases[reading as usize];
-        let cases = [("(A)", RED, start), ("(B)", BLUE, learned), ("(C)", GREEN, &adaptation.truth)];
+        let [start, learned, recommended] = &adaptation.cases[reading as usize];
+        let truth = &adaptation.truth;
+        let cases = [("(A)", RED, start), ("(B)", BLUE, learned), ("(C)", GREEN, truth), ("(D)", ORANGE, recommended)];
         let mut series = Vec::new();
         for (name, color, case) in cases {
             let [rmse, rapc] = &case.series;

@@ -102,7 +102,7 @@ fn adaptation_epochs(adaptation: &Adaptation) -> io::Result<Vec<u8>> {
     let mut header = vec!["epoch".to_owned()];
     let mut series = Vec::new();
     for reading in Reading::ALL {
-        for (name, case) in ["a", "b"].into_iter().zip(&adaptation.cases[reading as usize]) {
+        for (name, case) in ["a", "b", "d"].into_iter().zip(&adaptation.cases[reading as usize]) {
             header.extend(["rmse", "rapc"].map(|quantity| format!("{}_{name}_{quantity}_m", reading.name())));
             series.extend(case.series.each_ref().map(Vec::as_slice));
         }

@@ -87,12 +87,12 @@ pub struct Row {
 pub struct Adaptation {
     /// Each run.
     pub runs: Vec<Adapted>,
-    /// (A) and (B) of each reading.
-    pub cases: [[CaseOutcome; 2]; 2],
+    /// (A), (B) and (D) of each reading.
+    pub cases: [[CaseOutcome; 3]; 2],
     /// (C).
     pub truth: CaseOutcome,
-    /// For each reading, by which factor each σ is off: at the start and learned.
-    pub sigma_factors: [[Vec<f64>; 2]; 2],
+    /// For each reading, by which factor each σ is off: at the start, after (B) and after (D).
+    pub sigma_factors: [[Vec<f64>; 3]; 2],
 }
 
 impl Study {
@@ -161,7 +161,7 @@ impl Adaptation {
                 let cases: Vec<_> = learning(reading).iter().map(|learning| &learning.cases[i]).collect();
                 CaseOutcome::of(&cases)
             };
-            [case(0), case(1)]
+            [case(0), case(1), case(2)]
         });
         let truth = CaseOutcome::of(&runs.iter().map(|run| &run.truth).collect::<Vec<_>>());
         let sigma_factors = Reading::ALL.map(|reading| adaptation::sigma_factors(&learning(reading)));

@@ -127,37 +127,41 @@ fn figure_3(f: &mut fmt::Formatter<'_>, adaptation: &Adaptation) -> fmt::Result 
         "{:<9} {:<24} {:^15} {:>8} {:^13} {:^14} {:>6} {:>11}   independent: RMSE  RAPC  ratio",
         "reading", "case", "RMSE [m]", "RAPC [m]", "RMSE/RAPC", "TA-IFA [%]", "flags", "-ln L"
     )?;
-    let mut line = |reading: &str, name: &str, case: &CaseOutcome, [rmse, rapc, ratio]: [f64; 3]| {
+    let mut line = |reading: &str, name: &str, case: &CaseOutcome, independent: Option<[f64; 3]>| {
+        let independent = independent.map(|[rmse, rapc, ratio]| format!("   {rmse:>17.4} {rapc:.4}  {ratio:.3}"));
         writeln!(
             f,
-            "{reading:<9} {name:<24} {:>15} {:>8.4} {:>13} {:>14} {:>6.0} {:>11.0}   {rmse:>17.4} {rapc:.4}  {ratio:.3}",
+            "{reading:<9} {name:<24} {:>15} {:>8.4} {:>13} {:>14} {:>6.0} {:>11.0}{}",
             with_error(case.rmse, 4),
             case.rapc,
             with_error(case.ratio, 3),
             with_error(case.right, 3),
             case.flags,
-            case.negative_log_likelihood
+            case.negative_log_likelihood,
+            independent.unwrap_or_default()
         )
     };
     // Ten runs, σ_L = 0.01, prior 1 cycle.
     let independent =
         [[[0.0422, 0.0467, 0.905], [0.0362, 0.0356, 1.018]], [[0.0455, 0.0275, 1.653], [0.0364, 0.0352, 1.034]]];
     for reading in Reading::ALL {
-        let [start, learned] = &adaptation.cases[reading as usize];
+        let [start, learned, recommended] = &adaptation.cases[reading as usize];
         let [of_start, of_learned] = independent[reading as usize];
-        line(reading.name(), "(A) RTSAP, wrong noise", start, of_start)?;
-        line(reading.name(), "(B) APP", learned, of_learned)?;
+        line(reading.name(), "(A) RTSAP, wrong noise", start, Some(of_start))?;
+        line(reading.name(), "(B) APP", learned, Some(of_learned))?;
+        line(reading.name(), "(D) APP, fixed integers", recommended, None)?;
     }
-    line("-", "(C) RTSAP, true noise", &adaptation.truth, [0.0361, 0.0359, 1.006])?;
+    line("-", "(C) RTSAP, true noise", &adaptation.truth, Some([0.0361, 0.0359, 1.006]))?;
     for reading in Reading::ALL {
-        let [start, learned] = &adaptation.sigma_factors[reading as usize];
+        let [start, learned, recommended] = &adaptation.sigma_factors[reading as usize];
         let list = |factors: &[f64]| factors.iter().map(|factor| format!("{factor:.2}")).collect::<Vec<_>>().join(", ");
         writeln!(
             f,
-            "{}: sigma_x, y, z, I, T, t off by factors of {} at the start, {} learned",
+            "{}: sigma_x, y, z, I, T, t off by factors of {} at the start, {} after (B), {} after (D)",
             reading.name(),
             list(start),
-            list(learned)
+            list(learned),
+            list(recommended)
         )?;
         let runs = adaptation.runs.iter().map(|run| &run.learning[reading as usize]);
         let steps = |series: fn(&super::Learning) -> &[f64]| {
