@@ -54,7 +54,7 @@ pub enum Rule {
     Cubature,
     /// Product of Gauss–Hermite rules, orderᵈ points.
     GaussHermite {
-        /// Points per dimension, 2 to 5.
+        /// Points per dimension, 2 to 5, or 15 as a reference.
         order: usize,
     },
 }

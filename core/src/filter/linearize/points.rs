@@ -13,7 +13,8 @@
 use super::{LinearizeError, MAX_INPUTS, Rule};
 
 /// Roots and weights of Heₘ for m = 2…5, in closed form: ±√(3 ∓ √6) and ±√(5 ∓ √10) for m = 4, 5.
-const HERMITE: [&[(f64, f64)]; 4] = [
+/// For m = 15, a reference rather than a rule for filters: Newton's method in 60 digits, wᵢ = (m − 1)!/(m Heₘ₋₁(xᵢ)²).
+const HERMITE: [&[(f64, f64)]; 5] = [
     &[(-1.0, 0.5), (1.0, 0.5)],
     &[(-1.7320508075688772, 1.0 / 6.0), (0.0, 2.0 / 3.0), (1.7320508075688772, 1.0 / 6.0)],
     &[
@@ -28,6 +29,23 @@ const HERMITE: [&[(f64, f64)]; 4] = [
         (0.0, 8.0 / 15.0),
         (1.355626179974266, 0.22207592200561263),
         (2.8569700138728056, 0.011257411327720688),
+    ],
+    &[
+        (-6.363947888829839, 8.58964989963327e-10),
+        (-5.190093591304781, 5.975419597920605e-7),
+        (-4.1962077112690155, 5.642146405189017e-5),
+        (-3.2890824243987664, 0.0015673575035499562),
+        (-2.432436827009758, 0.017365774492137605),
+        (-1.6067100690287297, 0.0894177953998444),
+        (-0.799129068324548, 0.23246229360973222),
+        (0.0, 0.31825951825951826),
+        (0.799129068324548, 0.23246229360973222),
+        (1.6067100690287297, 0.0894177953998444),
+        (2.432436827009758, 0.017365774492137605),
+        (3.2890824243987664, 0.0015673575035499562),
+        (4.1962077112690155, 5.642146405189017e-5),
+        (5.190093591304781, 5.975419597920605e-7),
+        (6.363947888829839, 8.58964989963327e-10),
     ],
 ];
 
@@ -77,7 +95,7 @@ impl Points {
                 Set::Axes { radius: libm::sqrt(spread), centre: Some(centre), weight }
             }
             Rule::GaussHermite { order } => {
-                let grid = order.checked_sub(2).and_then(|i| HERMITE.get(i)).ok_or(LinearizeError::Rule)?;
+                let grid = HERMITE.iter().find(|nodes| nodes.len() == order).ok_or(LinearizeError::Rule)?;
                 Set::Grid(grid)
             }
         };
@@ -177,7 +195,7 @@ mod tests {
     /// An m-point Gauss rule is exact to degree 2m − 1: E x^2k = 1·3·…·(2k − 1).
     #[test]
     fn gauss_hermite_is_exact_to_its_degree() {
-        for order in 2..=5 {
+        for order in [2, 3, 4, 5, 15] {
             let rule = Rule::GaussHermite { order };
             let mut moment = 1.0;
             for k in 1..order {
@@ -194,7 +212,7 @@ mod tests {
         assert_eq!(unscented(0.0, 0.0), LinearizeError::Rule);
         assert_eq!(unscented(1.0, -3.0), LinearizeError::Rule);
         assert_eq!(unscented(f64::NAN, 0.0), LinearizeError::Rule);
-        for order in [0, 1, 6] {
+        for order in [0, 1, 6, 14, 16] {
             assert_eq!(Rule::GaussHermite { order }.points(3).unwrap_err(), LinearizeError::Rule);
         }
         assert_eq!(Rule::Cubature.points(0).unwrap_err(), LinearizeError::Inputs);
