@@ -50,7 +50,8 @@ enum Command {
         machine: Option<Machine>,
     },
     Replay(replay::Args),
-    /// Print what surefix and RTKLIB make of the real cases, side by side (installs Debian's rtklib where it is missing)
+    /// Print what surefix and RTKLIB make of the real cases, side by side (installs Debian's rtklib and
+    /// PyPI's pyrtklib5, which is RTKLIB demo5, where they are missing)
     Peers {
         /// Directory of the real data [default: ../shared/data beside the checkout]
         #[arg(long, value_name = "DIR")]

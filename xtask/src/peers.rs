@@ -1,6 +1,9 @@
-//! `cargo xtask peers`: the real cases of `tests/cases.toml` in surefix and in RTKLIB's `rnx2rtkp`, side by side.
+//! `cargo xtask peers`: the real cases of `tests/cases.toml` in surefix and in RTKLIB, side by side.
 //!
-//! Both programs get the same plain files, constellations, base coordinate and antenna heights, run in kinematic (or
+//! There are two RTKLIBs: `rnx2rtkp` of Debian's package `rtklib` (2.4.3), and demo5 (EX 2.5.0) of PyPI's package
+//! `pyrtklib5`, run by `demo5.py`. Either is installed where it is missing; one that cannot be had is said and left out.
+//!
+//! All programs get the same plain files, constellations, base coordinate and antenna heights, run in kinematic (or
 //! static) mode, forward and with what is to come (`--smooth --em`; RTKLIB's `combined`), and are judged by `surefix
 //! compare`. RTKLIB is told the bands as far as it can be: one (`l1`) or two (`l1+l2`, where its second Galileo band is
 //! E5b), and has its defaults else, with continuous ambiguity resolution.
@@ -22,7 +25,53 @@ mod cases;
 
 use cases::Case;
 
-const PEER: &str = "rnx2rtkp";
+/// The Python package of demo5, with its version.
+const DEMO5: &str = "pyrtklib5==0.2.8";
+
+/// An RTKLIB that takes the arguments of `rnx2rtkp`.
+struct Peer {
+    name: &'static str,
+    program: &'static str,
+    /// Its first argument, and where Python finds packages.
+    python: Option<[PathBuf; 2]>,
+}
+
+impl Peer {
+    /// Debian's.
+    fn debian() -> Result<Self> {
+        if output(Command::new("which").arg("rnx2rtkp")).is_none() {
+            let mut install = Command::new("apt-get");
+            run(install.args(["install", "-y", "--no-install-recommends", "rtklib"]))
+                .context("RTKLIB's rnx2rtkp is missing; install Debian's package `rtklib`")?;
+        }
+        Ok(Self { name: "RTKLIB", program: "rnx2rtkp", python: None })
+    }
+
+    /// That of PyPI, kept below `target`.
+    fn demo5() -> Result<Self> {
+        let packages = repository().join("target/peers");
+        if !packages.join("pyrtklib5").exists() {
+            let mut install = Command::new("python3");
+            install.args(["-m", "pip", "install", "--quiet", "--no-deps", "--target"]).arg(&packages).arg(DEMO5);
+            run(&mut install).with_context(|| {
+                let to = packages.display();
+                format!("RTKLIB demo5 is missing; install Python's pip and PyPI's {DEMO5} into {to}")
+            })?;
+        }
+        let script = repository().join("xtask/src/demo5.py");
+        Ok(Self { name: "demo5", program: "python3", python: Some([script, packages]) })
+    }
+
+    /// A run over files.
+    fn command(&self, options: &Path, solution: &Path, files: &[PathBuf]) -> Command {
+        let mut command = Command::new(self.program);
+        if let Some([script, packages]) = &self.python {
+            command.arg(script).env("PYTHONPATH", packages);
+        }
+        command.arg("-k").arg(options).arg("-o").arg(solution).args(files);
+        command
+    }
+}
 
 /// What a run took.
 struct Cost {
@@ -33,11 +82,6 @@ struct Cost {
 
 /// Prints the table, of the cases of these names, or of all if there are none.
 pub fn compare(data: &Path, only: &[String]) -> Result<()> {
-    if output(Command::new("which").arg(PEER)).is_none() {
-        let mut install = Command::new("apt-get");
-        run(install.args(["install", "-y", "--no-install-recommends", "rtklib"]))
-            .context("RTKLIB's rnx2rtkp is missing; install Debian's package `rtklib`")?;
-    }
     if !data.exists() {
         bail!("{}: no such directory; give that of the real data by --data", data.display());
     }
@@ -51,6 +95,10 @@ pub fn compare(data: &Path, only: &[String]) -> Result<()> {
         "target",
     ]))?;
     let surefix = repository().join("target/release/surefix");
+    let peers: Vec<Peer> = [Peer::debian(), Peer::demo5()]
+        .into_iter()
+        .filter_map(|peer| peer.map_err(|error| println!("left out: {error:#}")).ok())
+        .collect();
 
     let cases = cases::cases().context("tests/cases.toml")?;
     println!(
@@ -73,7 +121,7 @@ pub fn compare(data: &Path, only: &[String]) -> Result<()> {
         let directory = std::env::temp_dir().join(format!("surefix-peers-{}-{}", std::process::id(), case.name));
         fs::create_dir_all(&directory)?;
         let data = data.join(&case.directory);
-        let done = Run::new(&case, &surefix, &data, &directory).and_then(|run| run.run());
+        let done = Run::new(&case, &surefix, &peers, &data, &directory).and_then(|run| run.run());
         fs::remove_dir_all(&directory)?;
         done.context(case.name)?;
     }
@@ -93,13 +141,14 @@ enum Way {
 struct Run<'a> {
     case: &'a Case,
     surefix: &'a Path,
+    peers: &'a [Peer],
     data: &'a Path,
     directory: &'a Path,
     files: Vec<PathBuf>,
 }
 
 impl<'a> Run<'a> {
-    fn new(case: &'a Case, surefix: &'a Path, data: &'a Path, directory: &'a Path) -> Result<Self> {
+    fn new(case: &'a Case, surefix: &'a Path, peers: &'a [Peer], data: &'a Path, directory: &'a Path) -> Result<Self> {
         let names = [&case.rover, &case.base].into_iter().chain(&case.navigation).enumerate();
         let to = |i| match i {
             0 => "rover.obs".to_owned(),
@@ -107,10 +156,10 @@ impl<'a> Run<'a> {
             _ => format!("{i}.nav"),
         };
         let unpacked = names.map(|(i, name)| unpack(data, name, directory, &to(i)));
-        Ok(Self { case, surefix, data, directory, files: unpacked.collect::<Result<_>>()? })
+        Ok(Self { case, surefix, peers, data, directory, files: unpacked.collect::<Result<_>>()? })
     }
 
-    /// Runs both programs both ways and prints a row of each.
+    /// Runs all programs both ways and prints a row of each.
     fn run(&self) -> Result<()> {
         let mut epochs = 0;
         for (way, program) in [(Way::Forward, "surefix"), (Way::Smoothed, "surefix smoothed")] {
@@ -119,14 +168,14 @@ impl<'a> Run<'a> {
             epochs = summary["epochs"].as_u64().context("surefix says no number of epochs")?;
             self.row(program, way, &self.directory.join("rover.csv"), epochs, &cost)?;
         }
-        for (way, program) in [(Way::Forward, "RTKLIB"), (Way::Smoothed, "RTKLIB combined")] {
-            let options = self.directory.join("rnx2rtkp.conf");
-            fs::write(&options, peer_options(self.case, way))?;
-            let solution = self.directory.join("peer.pos");
-            let mut peer = Command::new(PEER);
-            peer.arg("-k").arg(&options).arg("-o").arg(&solution).args(&self.files);
-            let cost = measure(&mut peer)?;
-            self.row(program, way, &solution, epochs, &cost)?;
+        for peer in self.peers {
+            for (way, direction) in [(Way::Forward, ""), (Way::Smoothed, " combined")] {
+                let options = self.directory.join("rtklib.conf");
+                fs::write(&options, peer_options(self.case, way))?;
+                let solution = self.directory.join("peer.pos");
+                let cost = measure(&mut peer.command(&options, &solution, &self.files))?;
+                self.row(&format!("{}{direction}", peer.name), way, &solution, epochs, &cost)?;
+            }
         }
         Ok(())
     }
