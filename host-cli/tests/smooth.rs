@@ -89,6 +89,25 @@ fn every_epoch_gains_from_all_others() {
 }
 
 #[test]
+fn integers_and_starts_are_as_the_settings_say() {
+    let directory = simulated();
+    let path = directory.path();
+    let settings =
+        "[smoothing]\nem_starts = [[1e-3, 1e3]]\ninteger_scope = \"epoch\"\ninteger_search = \"bootstrapping\"\n";
+    fs::write(path.join("settings.toml"), settings).unwrap();
+    let text = done(path, &POST, &["-o", "out", "--smooth", "--em", "--config", "settings.toml"]);
+    for part in ["starts            motion ×1, measurements ×1: ", " (taken); motion ×0.001, measurements ×1000: "]
+    {
+        assert!(text.contains(part), "{part:?} is not in\n{text}");
+    }
+    let smoothing = &json(&path.join("out/rover.json"))["smoothing"];
+    let starts = smoothing["starts"].as_array().unwrap();
+    assert!(starts[0]["taken"] == true && starts[1]["measurements"] == 1e3, "{smoothing}");
+    let (_, rate) = errors(path, "out/rover.csv");
+    assert!(rate > 0.5, "{rate}");
+}
+
+#[test]
 fn a_device_log_gives_the_same_positions() {
     let directory = simulated();
     let path = directory.path();
@@ -111,7 +130,16 @@ fn wrong_wishes_are_refused_with_a_remedy() {
     refused(path, &["replay", "none.sfl", "--smooth", "-r", "out"], 3, &["none.sfl: cannot be opened"]);
     fs::write(path.join("settings.toml"), "[smoothing]\nmemory_mib = 0\n").unwrap();
     let settings = ["--smooth", "--config", "settings.toml"];
-    refused(path, &with(&settings), 3, &["smoothing.memory_mib = 0: give a number above 0"]);
+    refused(path, &with(&settings), 3, &["settings.toml: smoothing.memory_mib = 0: give a number above 0"]);
+    fs::write(path.join("settings.toml"), "[smoothing]\nem_starts = [[0.1, -10.0]]\n").unwrap();
+    refused(
+        path,
+        &with(&settings),
+        3,
+        &["settings.toml: smoothing.em_starts = -10: give pairs of factors", "[[0.1, 10.0]]"],
+    );
+    fs::write(path.join("settings.toml"), "[smoothing]\ninteger_scope = \"day\"\n").unwrap();
+    refused(path, &with(&settings), 3, &["settings.toml: ", "line 2", "integer_scope", "expected `epoch` or `arc`"]);
     fs::write(path.join("settings.toml"), "[smoothing]\nmemory = 100\n").unwrap();
     refused(path, &with(&settings), 3, &["settings.toml: ", "line 2", "unknown field `memory`", "`memory_mib`"]);
     fs::write(path.join("base.obs"), "").unwrap();

@@ -2,7 +2,9 @@
 //!
 //! Everything has a default, meant for every case; only the bands follow the receivers.
 
+use crate::smooth::integers::{Scope, Search, Source};
 use crate::smooth::rtk::Options;
+use crate::smooth::rtk::fix::Fixing;
 use crate::smooth::rtk::noise::TimeConstants;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -60,6 +62,19 @@ pub struct Smoothing {
     pub phase_centre_horizontal_m: f64,
     /// The same, vertical `[m]`.
     pub phase_centre_vertical_m: f64,
+    /// Further starts of EM beside the configured noise, as pairs of factors on the standard deviations of motion and of
+    /// measurements: `[[0.1, 10.0], [10.0, 0.1]]`. The likeliest end counts. Each costs as much time as EM before integers
+    /// are fixed; they run on all cores.
+    pub em_starts: Vec<[f64; 2]>,
+    /// The density whose integers are fixed: `"smoother"` (given all epochs, the default) or `"filter"` (given those
+    /// before).
+    pub integer_source: Source,
+    /// What gets one integer: an ambiguity for as long as it lasts, `"arc"` (the default), where each fix helps all
+    /// epochs; or in each epoch by itself, `"epoch"`, where none helps another epoch and EM learns without integers.
+    pub integer_scope: Scope,
+    /// How integers are found: `"least-squares"` (the default) or `"bootstrapping"`, where `fix_success_rate` decides
+    /// without `fix_ratio`. With both, the least certain ambiguities stay float until the rest is accepted.
+    pub integer_search: Search,
     /// Memory for densities `[MiB]`; a record that needs more is smoothed in stretches, at the cost of time.
     pub memory_mib: u32,
 }
@@ -74,6 +89,10 @@ impl Default for Smoothing {
             phase_correlation_s: options.time_constants.phase,
             phase_centre_horizontal_m: options.phase_centres[0],
             phase_centre_vertical_m: options.phase_centres[1],
+            em_starts: options.starts,
+            integer_source: options.fixing.source,
+            integer_scope: options.fixing.scope,
+            integer_search: options.fixing.search,
             memory_mib: (options.budget >> 20) as u32,
         }
     }
@@ -85,6 +104,11 @@ impl Smoothing {
         let above = |name, value: f64| check(name, value, value.is_finite() && value > 0.0, "give a number above 0");
         let sigma = |name, value: f64| check(name, value, (0.0..1.0).contains(&value), "give metres from 0 to below 1");
         above("smoothing.memory_mib", self.memory_mib.into())?;
+        let factor = |value: f64| {
+            let remedy = "give pairs of factors from 0.001 to 1000, for motion and measurements, as in [[0.1, 10.0]]";
+            check("smoothing.em_starts", value, (1e-3..=1e3).contains(&value), remedy)
+        };
+        self.em_starts.iter().flatten().try_for_each(|&value| factor(value).map(drop))?;
         Ok(Options {
             em: self.em,
             budget: (self.memory_mib as usize) << 20,
@@ -97,6 +121,8 @@ impl Smoothing {
                 sigma("smoothing.phase_centre_horizontal_m", self.phase_centre_horizontal_m)?,
                 sigma("smoothing.phase_centre_vertical_m", self.phase_centre_vertical_m)?,
             ],
+            starts: self.em_starts.clone(),
+            fixing: Fixing { source: self.integer_source, scope: self.integer_scope, search: self.integer_search },
             ..Options::default()
         })
     }
@@ -157,6 +183,14 @@ pub enum SettingsError {
         /// Why.
         source: Box<toml::de::Error>,
     },
+    /// A value in a file makes no sense.
+    #[error("{file}: {source}", file = file.display())]
+    InFile {
+        /// The file.
+        file: PathBuf,
+        /// Which value, and what to write instead.
+        source: Box<SettingsError>,
+    },
     /// A value makes no sense.
     #[error("{name} = {value}: {remedy}")]
     Value {
@@ -170,10 +204,14 @@ pub enum SettingsError {
 }
 
 impl Settings {
-    /// Reads a TOML file.
+    /// Reads a TOML file and checks its values.
     pub fn read(file: &Path) -> Result<Self, SettingsError> {
         let text = std::fs::read_to_string(file).map_err(|source| SettingsError::Read { file: file.into(), source })?;
-        toml::from_str(&text).map_err(|source| SettingsError::Syntax { file: file.into(), source: Box::new(source) })
+        let settings: Self = toml::from_str(&text)
+            .map_err(|source| SettingsError::Syntax { file: file.into(), source: Box::new(source) })?;
+        let checked = settings.config().and_then(|_| settings.smoothing.options());
+        checked.map_err(|source| SettingsError::InFile { file: file.into(), source: Box::new(source) })?;
+        Ok(settings)
     }
 
     /// The configuration of the engine.
@@ -264,12 +302,34 @@ mod tests {
     }
 
     #[test]
+    fn smoothing_is_set_by_names() {
+        let text = "[smoothing]\nem_starts = [[0.1, 10]]\ninteger_source = \"filter\"\ninteger_scope = \"epoch\"\n\
+                    integer_search = \"bootstrapping\"";
+        let options = toml::from_str::<Settings>(text).unwrap().smoothing.options().unwrap();
+        let fixing = Fixing { source: Source::Filter, scope: Scope::Epoch, search: Search::Bootstrapping };
+        assert_eq!(options, Options { starts: vec![[0.1, 10.0]], fixing, ..Options::default() });
+        let default = Fixing { source: Source::Smoother, scope: Scope::Arc, search: Search::LeastSquares };
+        assert_eq!(Options::default().fixing, default);
+        let text = toml::to_string(&Settings::default()).unwrap();
+        assert!(
+            text.contains("integer_source = \"smoother\"\ninteger_scope = \"arc\"\ninteger_search = \"least-squares\"")
+        );
+    }
+
+    #[test]
     fn wrong_values_and_unknown_fields_are_named() {
         let settings: Settings = toml::from_str("elevation_mask_deg = 95.0").unwrap();
         assert!(settings.config().unwrap_err().to_string().starts_with("elevation_mask_deg = 95"));
         let settings: Settings = toml::from_str("[smoothing]\nphase_correlation_s = -1.0").unwrap();
         let error = settings.smoothing.options().unwrap_err().to_string();
         assert!(error.starts_with("smoothing.phase_correlation_s = -1: give a number above 0"), "{error}");
+        let settings: Settings = toml::from_str("[smoothing]\nem_starts = [[0.1, 10], [0, 1]]").unwrap();
+        let error = settings.smoothing.options().unwrap_err().to_string();
+        assert!(error.starts_with("smoothing.em_starts = 0: give pairs of factors from 0.001 to 1000"), "{error}");
+        let error = toml::from_str::<Settings>("[smoothing]\ninteger_source = \"both\"").unwrap_err().to_string();
+        for part in ["integer_source = \"both\"", "expected `filter` or `smoother`"] {
+            assert!(error.contains(part), "{part:?} is not in {error}");
+        }
         assert!(Settings { fix_ratio: f64::NAN, ..Settings::default() }.config().is_err());
         let error = toml::from_str::<Settings>("elevation_mask = 10").unwrap_err().to_string();
         assert!(error.contains("unknown field `elevation_mask`"), "{error}");

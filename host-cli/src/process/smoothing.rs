@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! smoothing         11 passes, −ln likelihood 20312.4 → 18934.0 in 5 iterations
+//! starts            motion ×1, measurements ×1: 18934.0 (taken); motion ×0.1, measurements ×10: 18951.2
 //! integers          38 arcs: 36 fixed, 0 refused, 0 contradictory, 2 float by nature
 //! innovations²/σ²   phase 0.98, code 1.03, doppler 1.01 (1 is expected)
 //! engine            rms from smoothed positions H 0.61 cm, 3D 1.72 cm; over its σ e, n, u 0.61 0.72 0.90
@@ -11,7 +12,7 @@
 
 use crate::compare::{Enu, Options, Truth, compare};
 use crate::read::solution::Track;
-use crate::smooth::rtk::report::{Learned, Report};
+use crate::smooth::rtk::report::{Learned, Report, Start};
 use serde::Serialize;
 use std::fmt;
 use surefix_core::gnss::solution::{Quality, Solution};
@@ -65,7 +66,7 @@ impl Smoothing {
 
 impl fmt::Display for Smoothing {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Report { parameters, negative_log_likelihood, consistency, arcs, passes, memory } = &self.report;
+        let Report { parameters, starts, negative_log_likelihood, consistency, arcs, passes, memory } = &self.report;
         write!(f, "{:18}{passes} passes over {memory}", "smoothing")?;
         match negative_log_likelihood.as_slice() {
             [] => writeln!(f)?,
@@ -73,6 +74,10 @@ impl fmt::Display for Smoothing {
             [first, more @ .., last] => {
                 writeln!(f, ", −ln likelihood {first:.1} → {last:.1} in {} iterations", more.len() + 1)?;
             }
+        }
+        if !starts.is_empty() {
+            let ends: Vec<_> = starts.iter().map(ToString::to_string).collect();
+            writeln!(f, "{:18}{}", "starts", ends.join("; "))?;
         }
         writeln!(
             f,
@@ -94,6 +99,17 @@ impl fmt::Display for Smoothing {
             write!(f, "\n{name:36}{:>15}{:>15}", plain(*start, unit), plain(*end, unit))?;
         }
         Ok(())
+    }
+}
+
+impl fmt::Display for Start {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "motion ×{}, measurements ×{}: ", self.motion, self.measurements)?;
+        match self.negative_log_likelihood {
+            Some(end) => write!(f, "{end:.1}")?,
+            None => write!(f, "failed")?,
+        }
+        write!(f, "{}", if self.taken { " (taken)" } else { "" })
     }
 }
 
@@ -144,6 +160,7 @@ mod tests {
                 learned("phase noise G L1", "m", 0.003, 0.002, true),
                 learned("ambiguities", "cycles/√s", 1e-5, 1e-5, false),
             ],
+            starts: Start::list(&[[0.1, 10.0]], &[f64::NAN, 12.0]),
             negative_log_likelihood: vec![30.0, 20.0, 10.0],
             consistency: vec![Consistency { of: "phase", count: 9, mean: 0.98 }],
             arcs: ArcCount { total: 3, fixed: 2, refused: 1, ..ArcCount::default() },
@@ -153,6 +170,7 @@ mod tests {
         let text = Smoothing { report, engine: None }.to_string();
         for part in [
             "7 passes over checkpoints, −ln likelihood 30.0 → 10.0 in 2 iterations\n",
+            "starts            motion ×1, measurements ×1: failed; motion ×0.1, measurements ×10: 12.0 (taken)\n",
             "3 arcs: 2 fixed, 1 refused, 0 contradictory, 0 float by nature\n",
             "phase 0.98 (1 is expected)\n",
             "phase noise G L1                            3.00 mm        2.00 mm",

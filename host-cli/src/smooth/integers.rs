@@ -10,6 +10,7 @@
 
 use super::model::{Density, Integer, Model};
 use super::pass::Epoch;
+use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use surefix_core::integer::accept::{Decision, Thresholds};
 use surefix_core::integer::resolve::{Config, Method, Workspace, resolve};
@@ -21,7 +22,8 @@ use surefix_core::linalg::{Mat, MatMut};
 pub const CAPACITY: usize = 96;
 
 /// The density whose ambiguities are fixed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Source {
     /// Given the measurements up to the epoch.
     Filter,
@@ -31,7 +33,8 @@ pub enum Source {
 }
 
 /// What gets one value.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Scope {
     /// An ambiguity of an epoch.
     Epoch,
@@ -41,7 +44,8 @@ pub enum Scope {
 }
 
 /// How integers are found.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Search {
     /// Integer least squares.
     #[default]

@@ -49,13 +49,13 @@ pub fn run(inputs: &[Input], config: &RtkConfig, options: &Options, truth: &Trut
     }
     let judge = |solutions: &[Solution]| compare(&Track::of(solutions), truth, &Comparison::default());
     let filter = Row { name: "filter".into(), negative_log_likelihood: None, report: judge(tape.solutions()) };
-    let mut runs = vec![("smoothed".to_owned(), Options { em: false, ..*options })];
-    let learning = Options { em: true, ..*options };
-    runs.push(("EM".to_owned(), learning));
+    let mut runs = vec![("smoothed".to_owned(), Options { em: false, ..options.clone() })];
+    let learning = Options { em: true, ..options.clone() };
+    runs.push(("EM".to_owned(), learning.clone()));
     for process in WRONG {
         for measurement in WRONG {
             let name = format!("EM, process × {process}, measurement × {measurement}");
-            runs.push((name, Options { start_factors: [process, measurement], ..learning }));
+            runs.push((name, Options { start_factors: [process, measurement], ..learning.clone() }));
         }
     }
     let row = |(name, options): (String, Options)| {

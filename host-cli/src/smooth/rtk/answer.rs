@@ -1,15 +1,16 @@
 //! From a smoothed density to a solution.
 
 use super::model::RtkModel;
-use crate::smooth::model::Density;
+use crate::smooth::model::{Density, Integer};
 use nalgebra::{Matrix3, Vector3};
 use surefix_core::gnss::solution::{Quality, Reason, Solution};
 
 /// Fewest fixed double differences of a fixed solution: those that determine a position.
 const FEWEST: usize = 3;
 
-/// Double differences of an epoch that may be fixed, and those that are.
-pub fn ambiguities(model: &RtkModel<'_>, epoch: usize) -> [usize; 2] {
+/// Double differences of an epoch that may be fixed, and those that are: by the model, or among `integers`, which are
+/// fixed in this epoch only.
+pub fn ambiguities(model: &RtkModel<'_>, epoch: usize, integers: &[Integer]) -> [usize; 2] {
     let tape = model.tape();
     let mask = tape.config().acceptance.elevation_mask.sin();
     // Of each group the arcs that may be fixed, and the clusters that they are in.
@@ -20,6 +21,8 @@ pub fn ambiguities(model: &RtkModel<'_>, epoch: usize) -> [usize; 2] {
             let (count, clusters) = &mut groups[arc.group];
             *count += 1;
             let cluster = model.clusters().find(link.arc as usize).0;
+            let mut pairs = integers.iter().map(|integer| model.layouts().pairs[integer.arc]);
+            let cluster = pairs.find(|pair| pair[0] == cluster).map_or(cluster, |[_, reference]| reference);
             if !clusters.contains(&cluster) {
                 clusters.push(cluster);
             }
@@ -30,11 +33,13 @@ pub fn ambiguities(model: &RtkModel<'_>, epoch: usize) -> [usize; 2] {
     [usable, fixed]
 }
 
-/// Writes the smoothed position and velocity, and their grade, into the solution of an epoch.
+/// Writes the smoothed position and velocity, and their grade, into the solution of an epoch, given the `integers` fixed
+/// in this epoch only.
 pub fn answer(
     model: &RtkModel<'_>,
     epoch: usize,
     smoothed: &Density,
+    integers: &[Integer],
     phase_centres: [f64; 2],
     solution: &mut Solution,
 ) {
@@ -54,7 +59,7 @@ pub fn answer(
         solution.velocity = velocity;
         solution.velocity_covariance = to_ecef * covariance * frame.rotation;
     }
-    let [usable, fixed] = ambiguities(model, epoch);
+    let [usable, fixed] = ambiguities(model, epoch, integers);
     solution.ambiguities = usable.min(255) as u8;
     solution.ambiguities_fixed = fixed.min(255) as u8;
     let grade = if fixed < FEWEST {
@@ -65,4 +70,64 @@ pub fn answer(
         (Quality::Fixed, Reason::Complete)
     };
     (solution.quality, solution.reason) = grade;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::{drive, model};
+    use super::*;
+    use crate::smooth::model::Model;
+
+    fn solution(model: &RtkModel<'_>, integers: &[Integer]) -> (Solution, Density) {
+        let mut density = Density::default();
+        let n = model.states(4);
+        density.reset(n);
+        density.mean[..6].copy_from_slice(&[1.0, 2.0, 3.0, 0.1, 0.2, 0.3]);
+        (0..n).for_each(|i| density.covariance[i * n + i] = 1e-4 * (i + 1) as f64);
+        let mut solution = model.tape().solutions()[4];
+        answer(model, 4, &density, integers, [0.03, 0.04], &mut solution);
+        (solution, density)
+    }
+
+    #[test]
+    fn position_and_velocity_are_turned_back_and_the_antennas_are_added() {
+        let (tape, _) = drive(5.0);
+        let model = model(&tape);
+        let (solution, _) = solution(&model, &[]);
+        let frame = tape.frame().unwrap();
+        let enu = frame.rotation * (solution.position - frame.origin);
+        assert!((enu - Vector3::new(1.0, 2.0, 3.0)).norm() < 1e-8, "{enu}");
+        assert!((frame.rotation * solution.velocity - Vector3::new(0.1, 0.2, 0.3)).norm() < 1e-12);
+        let turned = |covariance: Matrix3<f64>| (frame.rotation * covariance * frame.rotation.transpose()).diagonal();
+        let expected = Vector3::new(1e-4 + 9e-4, 2e-4 + 9e-4, 3e-4 + 16e-4);
+        assert!((turned(solution.position_covariance) - expected).norm() < 1e-12);
+        assert!((turned(solution.velocity_covariance) - Vector3::new(4e-4, 5e-4, 6e-4)).norm() < 1e-12);
+    }
+
+    /// Graded alike, whether the model knows the integers or this epoch alone does.
+    #[test]
+    fn the_grade_follows_the_fixed_double_differences() {
+        let (tape, _) = drive(5.0);
+        let mut model = model(&tape);
+        let mut integers = Vec::new();
+        model.integers(4, &mut integers);
+        let [usable, fixed] = ambiguities(&model, 4, &[]);
+        assert!(usable > 4 && fixed == 0 && integers.len() >= usable, "{usable} {fixed}");
+        let grade = |model: &RtkModel<'_>, integers: &[Integer]| {
+            let (solution, _) = solution(model, integers);
+            assert_eq!(
+                [solution.ambiguities, solution.ambiguities_fixed].map(usize::from),
+                ambiguities(model, 4, integers)
+            );
+            (solution.quality, solution.reason)
+        };
+        assert_eq!(grade(&model, &[]), (Quality::Float, Reason::RatioLow));
+        assert_eq!(grade(&model, &integers[..2]), (Quality::Float, Reason::RatioLow));
+        assert_eq!(grade(&model, &integers[..4]), (Quality::Partial, Reason::SubsetOnly));
+        assert_eq!(grade(&model, &integers), (Quality::Fixed, Reason::Complete));
+        assert_eq!(ambiguities(&model, 4, &integers), [usable; 2]);
+        let by_epoch = ambiguities(&model, 4, &integers[..4]);
+        model.fix(0, &integers[..4], &[0.0; 4]);
+        assert_eq!(ambiguities(&model, 4, &[]), by_epoch);
+    }
 }

@@ -3,7 +3,7 @@
 //!
 //! * [`tape`]: what the engine used, epoch by epoch.
 //! * [`model`]: states, transitions and measurements of a tape; [`clusters`], [`noise`], [`rows`]: its parts.
-//! * [`fix`]: integers on the smoothing posterior.
+//! * [`fix`]: integers on the smoothing (or the filtering) posterior.
 //! * [`answer`]: from smoothed densities to solutions.
 //! * [`report`]: what smoothing found out.
 
@@ -20,18 +20,19 @@ mod tests;
 
 use crate::smooth::em::{self, EmOptions};
 use crate::smooth::history::Storage;
+use crate::smooth::integers::Scope;
 use crate::smooth::model::Model;
 use crate::smooth::pass::{PassError, PassOptions, Passes};
 use crate::smooth::progress::Progress;
-use fix::Samples;
+use fix::{ByEpoch, Fixing, Samples};
 use model::RtkModel;
 use noise::{Kind, Noise, TimeConstants};
-use report::{Consistency, Learned, Report};
+use report::{Consistency, Learned, Report, Start};
 use surefix_core::gnss::solution::Solution;
 use tape::Tape;
 
 /// How to smooth.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Options {
     /// Whether noise is learned from the data (EM).
     pub em: bool,
@@ -47,6 +48,11 @@ pub struct Options {
     /// Factors on the standard deviations of process and measurement noise with which smoothing starts, to see whether EM
     /// finds back from a wrong start.
     pub start_factors: [f64; 2],
+    /// Further starts of EM, as factors like those: before integers are fixed, EM learns from each, and the likeliest end
+    /// counts.
+    pub starts: Vec<[f64; 2]>,
+    /// How integers are fixed.
+    pub fixing: Fixing,
 }
 
 impl Default for Options {
@@ -58,6 +64,8 @@ impl Default for Options {
             time_constants: TimeConstants { code: 20.0, phase: 600.0 },
             phase_centres: [0.001, 0.002],
             start_factors: [1.0; 2],
+            starts: Vec::new(),
+            fixing: Fixing::default(),
         }
     }
 }
@@ -82,15 +90,18 @@ pub fn smooth(tape: &Tape, options: &Options, progress: Option<&Progress>) -> Re
     let mut noise = Noise::new(tape, options.time_constants, options.coloured);
     noise.scale(options.start_factors);
     let start = noise.parameters().to_vec();
+    let by_arc = options.fixing.scope == Scope::Arc;
     let mut run = Run { passes, model: RtkModel::new(tape, noise), report: Report::default() };
-    run.announce(options.em);
+    run.announce(options);
     if options.em {
-        run.learn(EVALUATIONS[0])?;
+        run.learn(if by_arc { EVALUATIONS[0] } else { EVALUATIONS.iter().sum() }, &options.starts)?;
     }
-    run.fix()?;
-    if options.em {
-        run.learn(EVALUATIONS[1])?;
-        run.fix()?;
+    if by_arc {
+        run.fix(options.fixing)?;
+        if options.em {
+            run.learn(EVALUATIONS[1], &[])?;
+            run.fix(options.fixing)?;
+        }
     }
     run.model.take_gauges();
     let fit = run.forward()?;
@@ -98,8 +109,11 @@ pub fn smooth(tape: &Tape, options: &Options, progress: Option<&Progress>) -> Re
     run.report.consistency = consistency(&run.model);
     let mut solutions = tape.solutions().to_vec();
     let model = &run.model;
+    let mut by_epoch = (!by_arc).then(|| ByEpoch::new(options.fixing));
     run.passes.backward(model, |epoch| {
-        answer::answer(model, epoch.k, epoch.smoothed, options.phase_centres, &mut solutions[epoch.k]);
+        let fixed = by_epoch.as_mut().map(|by_epoch| by_epoch.condition(model, epoch));
+        let (density, integers) = fixed.as_ref().map_or((epoch.smoothed, [].as_slice()), |(d, list)| (d, list));
+        answer::answer(model, epoch.k, density, integers, options.phase_centres, &mut solutions[epoch.k]);
     })?;
     run.report.memory = match run.passes.storage() {
         Some(Storage::Checkpoints { .. }) => "checkpoints",
@@ -107,7 +121,7 @@ pub fn smooth(tape: &Tape, options: &Options, progress: Option<&Progress>) -> Re
         _ => "all epochs",
     };
     run.report.parameters = learned(&start, &run.model);
-    run.report.arcs = fix::count(&run.model);
+    run.report.arcs = by_epoch.map_or_else(|| fix::count(&run.model), |by_epoch| by_epoch.count(&run.model));
     Ok(Smoothed { solutions, report: run.report })
 }
 
@@ -119,9 +133,10 @@ struct Run<'t, 'p> {
 
 impl Run<'_, '_> {
     /// Tells who watches how many passes are to come.
-    fn announce(&self, em: bool) {
-        let fixing = ROUNDS * if em { 2 } else { 1 };
-        let learning: usize = if em { EVALUATIONS.iter().sum() } else { 0 };
+    fn announce(&self, options: &Options) {
+        let rounds = if options.em { 2 * ROUNDS } else { ROUNDS };
+        let fixing = if options.fixing.scope == Scope::Arc { rounds } else { 0 };
+        let learning: usize = if options.em { EVALUATIONS.iter().sum() } else { 0 };
         self.passes.expect(&self.model, 2 * (fixing + learning + 1));
     }
 
@@ -131,25 +146,37 @@ impl Run<'_, '_> {
         Ok(self.passes.forward(&self.model)?.negative_log_likelihood())
     }
 
-    /// EM with the integers of the time.
-    fn learn(&mut self, evaluations: usize) -> Result<(), PassError> {
+    /// EM with the integers of the time, from the noise of the time and from further starts.
+    fn learn(&mut self, evaluations: usize, starts: &[[f64; 2]]) -> Result<(), PassError> {
         // EM announces its passes itself.
         self.passes.spare(2 * evaluations * self.model.epochs());
-        let options = EmOptions { evaluations, ..EmOptions::default() };
+        let factors = starts.iter().map(|&factors| self.variance_factors(factors)).collect();
+        let options = EmOptions { evaluations, starts: factors, ..EmOptions::default() };
         let learned = em::learn(&mut self.model, &mut self.passes, &options)?;
         self.report.passes += learned.forward_passes;
         let history = learned.history.iter().map(|step| step.negative_log_likelihood);
         self.report.negative_log_likelihood.extend(history);
+        if !starts.is_empty() {
+            self.report.starts = Start::list(starts, &learned.ends);
+        }
         Ok(())
     }
 
-    /// Rounds of fixing on the smoothing posterior.
-    fn fix(&mut self) -> Result<(), PassError> {
+    /// What [`Noise::scale`] by these factors on standard deviations makes of each variance.
+    fn variance_factors(&self, factors: [f64; 2]) -> Vec<f64> {
+        let noise = &self.model.noise;
+        let mut scaled = noise.clone();
+        scaled.scale(factors);
+        scaled.parameters().iter().zip(noise.parameters()).map(|(to, from)| to.variance / from.variance).collect()
+    }
+
+    /// Rounds of fixing on the posterior.
+    fn fix(&mut self, fixing: Fixing) -> Result<(), PassError> {
         for round in 0..ROUNDS {
             self.forward()?;
-            let mut samples = Samples::new(&self.model);
+            let mut samples = Samples::new(&self.model, fixing);
             let model = &self.model;
-            self.passes.backward(model, |epoch| samples.take(model, epoch.k, epoch.smoothed))?;
+            self.passes.backward(model, |epoch| samples.take(model, epoch))?;
             if samples.fix(&mut self.model) == 0 {
                 self.passes.spare(2 * (ROUNDS - 1 - round) * self.model.epochs());
                 break;

@@ -171,3 +171,47 @@ fn zenith(config: &RtkConfig) -> [f64; 3] {
     let both = |noise: &surefix_core::model::noise::Noise| 2.0 * noise.variance(1.0, None);
     [both(&config.code), both(&config.phase), config.doppler * config.doppler]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::drive;
+    use super::*;
+    use surefix_core::gnss::solution::{Reason, Solution};
+    use surefix_core::gnss::time::GpsTime;
+    use surefix_core::model::motion::Motion;
+
+    const TIMES: TimeConstants = TimeConstants { code: 20.0, phase: 600.0 };
+
+    /// Single differences of two receivers: twice the variance of one; Dopplers are configured as differences.
+    #[test]
+    fn noise_starts_from_the_configured_variances() {
+        let (tape, _) = drive(3.0);
+        let noise = Noise::new(&tape, TIMES, true);
+        let config = tape.config();
+        assert!((noise.zenith(Kind::Code) - 2.0 * config.code.variance(1.0, None)).abs() < 1e-12);
+        assert!((noise.zenith(Kind::Doppler) - config.doppler * config.doppler).abs() < 1e-12);
+        assert_eq!(noise.variance(Noise::motion(0)), config.motion_noise);
+        assert_eq!([Kind::Code, Kind::Phase].map(|kind| noise.time_constant(kind)), [20.0, 600.0]);
+        let (code, phase) = (noise.coloured(Kind::Code, 0), noise.coloured(Kind::Phase, 0));
+        assert!(code.0 != phase.0 && code.1 > phase.1 && phase.1 > 0.0);
+    }
+
+    #[test]
+    fn what_cannot_show_is_not_learned() {
+        let (moving, _) = drive(3.0);
+        let learned = |noise: &Noise, part: &str| -> Vec<bool> {
+            noise.parameters().iter().filter(|p| p.name.contains(part)).map(|p| p.learned).collect()
+        };
+        let noise = Noise::new(&moving, TIMES, true);
+        assert_eq!(learned(&noise, "motion"), [true; 2]);
+        assert_eq!(learned(&noise, "ambiguities"), [false]);
+        assert!(learned(&noise, "multipath").iter().all(|&learned| learned));
+        let noise = Noise::new(&moving, TIMES, false);
+        assert!(!noise.is_coloured() && learned(&noise, "multipath").iter().all(|&learned| !learned));
+        let mut resting = Tape::new(RtkConfig { motion: Motion::Static, ..RtkConfig::default() });
+        resting.push(None, &Solution::none(GpsTime::from_week_tow(2114, 0.0), Reason::Complete));
+        let noise = Noise::new(&resting, TIMES, true);
+        assert_eq!(learned(&noise, "motion"), [false; 2]);
+        assert_eq!(learned(&noise, "Doppler"), [false; 2]);
+    }
+}

@@ -251,3 +251,50 @@ impl Tape {
         &self.solutions
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::drive;
+    use super::*;
+    use surefix_core::gnss::solution::Reason;
+
+    /// An epoch without evidence keeps its place, so that answers and epochs stay together.
+    #[test]
+    fn an_epoch_without_evidence_is_kept_without_links() {
+        let mut tape = Tape::new(RtkConfig::default());
+        let at = |seconds| Solution::none(GpsTime::from_week_tow(2114, seconds), Reason::Complete);
+        assert!(tape.push(None, &at(1.0)) && tape.push(None, &at(2.0)));
+        assert!(!tape.push(None, &at(2.0)) && !tape.push(None, &at(1.5)), "not later than the last");
+        assert_eq!([tape.epochs().len(), tape.solutions().len()], [2; 2]);
+        assert!(tape.frame().is_none() && tape.links(1).is_empty() && tape.arcs().is_empty());
+    }
+
+    /// What the readings of a link refer to is there, and a slip begins a new arc of the same signal after the old one.
+    #[test]
+    fn links_refer_to_signals_groups_and_arcs_that_follow_each_other() {
+        let (tape, _) = drive(90.0);
+        for k in 0..tape.epochs().len() {
+            for link in tape.links(k) {
+                let signal = tape.signals()[usize::from(link.signal)];
+                let group = tape.groups()[signal.group];
+                assert_eq!(group.constellation, signal.satellite.constellation());
+                let norm: f32 = link.direction.iter().map(|e| e * e).sum();
+                assert!((norm - 1.0).abs() < 1e-5 && (f64::from(link.direction[2] - link.sin_elevation)).abs() < 1e-3);
+                assert_eq!(link.phase.is_nan(), link.arc == u32::MAX);
+                assert_eq!([link.code.is_nan(), link.phase.is_nan()], [0, 1].map(|i| link.variances[i].is_nan()));
+            }
+            assert!(tape.links(k).is_sorted_by(|a, b| a.sin_elevation >= b.sin_elevation), "the highest comes first");
+        }
+        let arcs = tape.arcs();
+        assert!(arcs.is_sorted_by_key(|arc| arc.span[0]), "in order of their births");
+        let mut slipped = 0;
+        for (i, arc) in arcs.iter().enumerate() {
+            assert!(arc.integer && arc.unit == arc.wavelength && arc.group == tape.signals()[arc.signal].group);
+            for later in arcs[i + 1..].iter().filter(|later| later.signal == arc.signal) {
+                assert!(later.span[0] > arc.span[1], "{arc:?} {later:?}");
+                slipped += 1;
+            }
+        }
+        assert!(slipped > 0, "the scenario has slips");
+    }
+}

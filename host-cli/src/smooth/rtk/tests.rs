@@ -1,14 +1,16 @@
 //! A simulated drive with two bands and slips, from the engine's record to smoothed positions.
 
 use super::clusters::Clusters;
+use super::fix::Fixing;
 use super::model::RtkModel;
 use super::noise::{Kind, Noise};
 use super::tape::Tape;
-use super::{Options, smooth};
+use super::{EVALUATIONS, Options, smooth};
 use crate::process::run::Engine;
 use crate::process::stream::{Input, Merge};
 use crate::simulate::scenario::Scenario;
 use crate::simulate::{Truth, simulate};
+use crate::smooth::integers::{Scope, Search, Source};
 use crate::smooth::model::{Integer, Model, Sums, Transition};
 use crate::smooth::pass::{PassOptions, Passes};
 use std::convert::Infallible;
@@ -17,7 +19,7 @@ use surefix_core::log::Header;
 use surefix_core::rtk::RtkConfig;
 
 /// What the engine recorded of `seconds` at 1 Hz with the slips of the default scenario, and the truth.
-fn drive(seconds: f64) -> (Tape, Vec<Truth>) {
+pub(super) fn drive(seconds: f64) -> (Tape, Vec<Truth>) {
     let mut scenario = Scenario { duration_s: seconds - 1.0, ..Scenario::default() };
     for receiver in [&mut scenario.rover.receiver, &mut scenario.base.receiver] {
         receiver.interval_s = 1.0;
@@ -38,7 +40,7 @@ fn drive(seconds: f64) -> (Tape, Vec<Truth>) {
     (tape, simulation.truth)
 }
 
-fn model(tape: &Tape) -> RtkModel<'_> {
+pub(super) fn model(tape: &Tape) -> RtkModel<'_> {
     RtkModel::new(tape, Noise::new(tape, Options::default().time_constants, true))
 }
 
@@ -151,6 +153,77 @@ fn every_epoch_is_fixed_and_right() {
         let report = &smoothed.report;
         assert!(report.arcs.fixed > 8 && report.arcs.contradictory == 0, "{:?}", report.arcs);
         assert_eq!(report.negative_log_likelihood.len() > 1, em);
+    }
+}
+
+/// The first epochs know least of their integers by what came before them, and as much as any by all there is. Arc by arc
+/// what is fixed at the end of a span holds at its start.
+#[test]
+fn integers_are_right_from_either_posterior_by_either_search_and_scope() {
+    let (tape, truth) = drive(90.0);
+    for search in [Search::LeastSquares, Search::Bootstrapping] {
+        for (source, scope) in [
+            (Source::Smoother, Scope::Arc),
+            (Source::Filter, Scope::Arc),
+            (Source::Smoother, Scope::Epoch),
+            (Source::Filter, Scope::Epoch),
+        ] {
+            let fixing = Fixing { source, scope, search };
+            let smoothed = smooth(&tape, &Options { fixing, ..Options::default() }, None).unwrap();
+            let qualities: Vec<Quality> = smoothed.solutions.iter().map(|solution| solution.quality).collect();
+            let fixed = |quality: &Quality| matches!(quality, Quality::Fixed | Quality::Partial);
+            if (source, scope) == (Source::Filter, Scope::Epoch) {
+                assert!(!fixed(&qualities[0]) && fixed(&qualities[89]), "{fixing:?}: {qualities:?}");
+            } else {
+                assert!(qualities.iter().all(fixed), "{fixing:?}: {qualities:?}");
+            }
+            for (solution, truth) in smoothed.solutions.iter().zip(&truth).filter(|(s, _)| fixed(&s.quality)) {
+                let error = (solution.position - truth.position).norm();
+                assert!(error < 0.05, "{fixing:?}: {error}");
+            }
+            let arcs = smoothed.report.arcs;
+            assert!(arcs.fixed > 8 && arcs.contradictory == 0, "{fixing:?}: {arcs:?}");
+        }
+    }
+}
+
+/// Where no integer helps another epoch, forward passes are those of EM and the last; else there are rounds of fixing.
+#[test]
+fn epoch_by_epoch_em_learns_without_integers() {
+    let (tape, _) = drive(60.0);
+    let passes = |scope, em| {
+        let fixing = Fixing { scope, ..Fixing::default() };
+        smooth(&tape, &Options { em, fixing, ..Options::default() }, None).unwrap().report.passes
+    };
+    assert_eq!(passes(Scope::Epoch, false), 1);
+    assert!(passes(Scope::Arc, false) > 2);
+    // Of each evaluation one forward pass, at most two more where an extrapolation or a halving was tried.
+    let learning: usize = EVALUATIONS.iter().sum();
+    let with_em = passes(Scope::Epoch, true);
+    assert!((3..=1 + 3 * learning).contains(&with_em), "{with_em}");
+}
+
+#[test]
+fn the_likeliest_of_several_starts_counts() {
+    let (tape, truth) = drive(60.0);
+    let options = Options { em: true, ..Options::default() };
+    let single = smooth(&tape, &options, None).unwrap();
+    assert!(single.report.starts.is_empty());
+    // From a start that is a thousand times wrong the best is out of reach in ten evaluations; itself again is a draw.
+    for starts in [vec![[1e-3, 1e3]], vec![[1.0, 1.0]]] {
+        let smoothed = smooth(&tape, &Options { starts, ..options.clone() }, None).unwrap();
+        let ends = &smoothed.report.starts;
+        assert_eq!(ends.iter().map(|start| start.taken).collect::<Vec<_>>(), [true, false], "{ends:?}");
+        assert!(ends[0].negative_log_likelihood.unwrap() <= ends[1].negative_log_likelihood.unwrap(), "{ends:?}");
+        assert_eq!(smoothed.solutions, single.solutions, "the start as configured was the best, so nothing changes");
+    }
+    // A wrong start and back: the second is the configured one.
+    let wrong = Options { start_factors: [1e-3, 1e3], starts: vec![[1e3, 1e-3]], ..options };
+    let smoothed = smooth(&tape, &wrong, None).unwrap();
+    let ends = &smoothed.report.starts;
+    assert_eq!(ends.iter().map(|start| start.taken).collect::<Vec<_>>(), [false, true], "{ends:?}");
+    for (solution, truth) in smoothed.solutions.iter().zip(&truth) {
+        assert!((solution.position - truth.position).norm() < 0.05);
     }
 }
 
