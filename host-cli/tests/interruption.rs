@@ -29,7 +29,8 @@ fn feed_half(path: &Path, mut during: impl FnMut()) {
     let (done, wait) = std::sync::mpsc::channel::<()>();
     let feeder = std::thread::spawn(move || {
         let mut pipe = File::create(path).unwrap(); // waits for the reader
-        pipe.write_all(&content[..content.len() / 2]).unwrap();
+        // A reader that is interrupted before it has read that much breaks the pipe.
+        let _ = pipe.write_all(&content[..content.len() / 2]);
         let _ = wait.recv();
     });
     during();
@@ -42,16 +43,31 @@ fn spawn(directory: &Path, arguments: &[&str]) -> Child {
     surefix.current_dir(directory).args(arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
 }
 
-/// Interrupts a process once a file is there; its exit code and what it said.
-fn interrupt_at(child: Child, file: &Path, signal: &str) -> (Option<i32>, String) {
+/// Interrupts a process once something is there; its exit code and what it said.
+fn interrupt_when(
+    mut child: Child,
+    what: &str,
+    signal: &str,
+    is_there: impl Fn(&Child) -> bool,
+) -> (Option<i32>, String) {
     let start = Instant::now();
-    while !file.exists() {
-        assert!(start.elapsed() < Duration::from_secs(60), "{} does not come", file.display());
+    while !is_there(&child) {
+        let late = start.elapsed() > Duration::from_secs(60);
+        if late || child.try_wait().unwrap().is_some() {
+            let _ = child.kill();
+            let output = child.wait_with_output().unwrap();
+            panic!("{what} does not come: {}", String::from_utf8_lossy(&output.stderr));
+        }
         std::thread::sleep(Duration::from_millis(5));
     }
     assert!(Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap().success());
     let output = child.wait_with_output().unwrap();
     (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+}
+
+/// Interrupts a process once a file is there; its exit code and what it said.
+fn interrupt_at(child: Child, file: &Path, signal: &str) -> (Option<i32>, String) {
+    interrupt_when(child, &file.display().to_string(), signal, |_| file.exists())
 }
 
 fn names(directory: &Path) -> Vec<String> {
@@ -80,6 +96,36 @@ fn post_leaves_nothing_half_written() {
         });
         assert_eq!(fs::read_to_string(output.join("rover.csv")).unwrap(), "of an earlier run");
     }
+}
+
+/// Once the progress bar has its thread, the process is smoothing.
+#[cfg(target_os = "linux")]
+#[test]
+fn smoothing_leaves_nothing_half_written() {
+    let directory = tempfile::tempdir().unwrap();
+    let mut scenario = Scenario { duration_s: 239.0, ..Scenario::default() };
+    for receiver in [&mut scenario.rover.receiver, &mut scenario.base.receiver] {
+        receiver.interval_s = 1.0;
+    }
+    Files::write(directory.path(), &scenario, &simulate(&scenario).unwrap()).unwrap();
+    let [output, temporary] = ["out", "temporary"].map(|name| directory.path().join(name));
+    [&output, &temporary].iter().for_each(|path| fs::create_dir(path).unwrap());
+    fs::write(output.join("rover.csv"), "of an earlier run").unwrap();
+    let post = ["post", "rover.obs", "base.obs", "broadcast.nav", "-o", "out", "--smooth", "--em"];
+    let mut surefix = Command::new(env!("CARGO_BIN_EXE_surefix"));
+    surefix.current_dir(directory.path()).args(post).env("TMPDIR", &temporary);
+    let child = surefix.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let is_smoothing = |child: &Child| {
+        let threads = fs::read_dir(format!("/proc/{}/task", child.id())).into_iter().flatten();
+        let mut names = threads.filter_map(|thread| fs::read_to_string(thread.ok()?.path().join("comm")).ok());
+        names.any(|name| name.trim() == "progress")
+    };
+    let (code, message) = interrupt_when(child, "smoothing", "-INT", is_smoothing);
+    assert_eq!(code, Some(130), "{message}");
+    assert!(message.contains("interrupted; files that were not complete are removed"), "{message}");
+    assert_eq!(names(&output), ["rover.csv"], "{message}");
+    assert_eq!(fs::read_to_string(output.join("rover.csv")).unwrap(), "of an earlier run");
+    assert!(names(&temporary).is_empty(), "{:?}", names(&temporary));
 }
 
 #[test]

@@ -96,13 +96,19 @@ fn integers_and_starts_are_as_the_settings_say() {
         "[smoothing]\nem_starts = [[1e-3, 1e3]]\ninteger_scope = \"epoch\"\ninteger_search = \"bootstrapping\"\n";
     fs::write(path.join("settings.toml"), settings).unwrap();
     let text = done(path, &POST, &["-o", "out", "--smooth", "--em", "--config", "settings.toml"]);
-    for part in ["starts            motion ×1, measurements ×1: ", " (taken); motion ×0.001, measurements ×1000: "]
+    for part in ["starts            motion ×1, measurements ×1: ", "motion ×0.001, measurements ×1000: ", " (taken)"]
     {
         assert!(text.contains(part), "{part:?} is not in\n{text}");
     }
     let smoothing = &json(&path.join("out/rover.json"))["smoothing"];
     let starts = smoothing["starts"].as_array().unwrap();
-    assert!(starts[0]["taken"] == true && starts[1]["measurements"] == 1e3, "{smoothing}");
+    let [configured, further] = [0, 1].map(|i| starts[i]["negative_log_likelihood"].as_f64().unwrap());
+    let taken = [0, 1].map(|i| starts[i]["taken"].as_bool().unwrap());
+    assert_eq!(taken, [configured <= further, configured > further], "{smoothing}");
+    assert_eq!(starts[1]["measurements"], 1e3);
+    let last = smoothing["negative_log_likelihood"].as_array().unwrap().last().unwrap().as_f64().unwrap();
+    let likeliest = configured.min(further);
+    assert!((last - likeliest).abs() < 1e-6 * likeliest.abs(), "it goes on from the likeliest: {smoothing}");
     let (_, rate) = errors(path, "out/rover.csv");
     assert!(rate > 0.5, "{rate}");
 }

@@ -68,7 +68,7 @@ fn with_progress<T>(compute: impl FnOnce(&Progress) -> T) -> T {
     let progress = Progress::default();
     std::thread::scope(|scope| {
         let (running, end) = channel::<()>();
-        scope.spawn({
+        let show = {
             let progress = &progress;
             move || {
                 let bar = progress_bar();
@@ -82,7 +82,9 @@ fn with_progress<T>(compute: impl FnOnce(&Progress) -> T) -> T {
                 }
                 bar.finish_and_clear();
             }
-        });
+        };
+        // Without a thread there is no bar.
+        let _shown = std::thread::Builder::new().name("progress".into()).spawn_scoped(scope, show);
         let answer = compute(&progress);
         drop(running);
         answer

@@ -164,32 +164,32 @@ fn zenith(constant: f64, elevation: f64) -> f64 {
     (constant.hypot(elevation) * 1e9).round() / 1e9
 }
 
-/// What is wrong with settings.
+/// What is wrong with settings. Messages contain their causes, which are therefore no `source`: nobody says them twice.
 #[derive(Debug, thiserror::Error)]
 pub enum SettingsError {
     /// The file cannot be read.
-    #[error("{file}: cannot be read: {source}", file = file.display())]
+    #[error("{file}: cannot be read: {cause}", file = file.display())]
     Read {
         /// The file.
         file: PathBuf,
         /// Why.
-        source: std::io::Error,
+        cause: std::io::Error,
     },
     /// The file is no valid TOML, or has an unknown or wrong field; the message of the parser names line and field.
-    #[error("{file}: {source}", file = file.display())]
+    #[error("{file}: {cause}", file = file.display())]
     Syntax {
         /// The file.
         file: PathBuf,
         /// Why.
-        source: Box<toml::de::Error>,
+        cause: Box<toml::de::Error>,
     },
     /// A value in a file makes no sense.
-    #[error("{file}: {source}", file = file.display())]
+    #[error("{file}: {cause}", file = file.display())]
     InFile {
         /// The file.
         file: PathBuf,
         /// Which value, and what to write instead.
-        source: Box<SettingsError>,
+        cause: Box<SettingsError>,
     },
     /// A value makes no sense.
     #[error("{name} = {value}: {remedy}")]
@@ -206,11 +206,11 @@ pub enum SettingsError {
 impl Settings {
     /// Reads a TOML file and checks its values.
     pub fn read(file: &Path) -> Result<Self, SettingsError> {
-        let text = std::fs::read_to_string(file).map_err(|source| SettingsError::Read { file: file.into(), source })?;
+        let text = std::fs::read_to_string(file).map_err(|cause| SettingsError::Read { file: file.into(), cause })?;
         let settings: Self = toml::from_str(&text)
-            .map_err(|source| SettingsError::Syntax { file: file.into(), source: Box::new(source) })?;
+            .map_err(|cause| SettingsError::Syntax { file: file.into(), cause: Box::new(cause) })?;
         let checked = settings.config().and_then(|_| settings.smoothing.options());
-        checked.map_err(|source| SettingsError::InFile { file: file.into(), source: Box::new(source) })?;
+        checked.map_err(|cause| SettingsError::InFile { file: file.into(), cause: Box::new(cause) })?;
         Ok(settings)
     }
 
