@@ -51,6 +51,8 @@ pub struct Settings {
 pub struct Smoothing {
     /// Learn the noise of motion and measurements from the data, as `--em` does.
     pub em: bool,
+    /// With `em`: trust each measurement as its smoothed error deserves (noise with heavy tails).
+    pub robust: bool,
     /// Model multipath as noise that is correlated in time.
     pub multipath: bool,
     /// How long multipath of codes lasts `[s]`.
@@ -84,6 +86,7 @@ impl Default for Smoothing {
         let options = Options::default();
         Self {
             em: options.em,
+            robust: options.robust,
             multipath: options.coloured,
             code_correlation_s: options.time_constants.code,
             phase_correlation_s: options.time_constants.phase,
@@ -111,6 +114,7 @@ impl Smoothing {
         self.em_starts.iter().flatten().try_for_each(|&value| factor(value).map(drop))?;
         Ok(Options {
             em: self.em,
+            robust: self.robust,
             budget: (self.memory_mib as usize) << 20,
             coloured: self.multipath,
             time_constants: TimeConstants {

@@ -5,6 +5,7 @@
 //! starts            motion ×1, measurements ×1: 18934.0 (taken); motion ×0.1, measurements ×10: 18951.2
 //! integers          38 arcs: 36 fixed, 0 refused, 0 contradictory, 2 float by nature
 //! innovations²/σ²   phase 0.98, code 1.03, doppler 1.01 (1 is expected)
+//! heavy tails       code G1 ν 8, 1.2 % distrusted; doppler ν 3, 6.0 % distrusted
 //! engine            rms from smoothed positions H 0.61 cm, 3D 1.72 cm; over its σ e, n, u 0.61 0.72 0.90
 //! noise                                         start        learned
 //! phase G1, constant part                     3.00 mm        2.11 mm
@@ -12,7 +13,7 @@
 
 use crate::compare::{Enu, Options, Truth, compare};
 use crate::read::solution::Track;
-use crate::smooth::rtk::report::{Learned, Report, Start};
+use crate::smooth::rtk::report::{Learned, Report, Start, Tail};
 use serde::Serialize;
 use std::fmt;
 use surefix_core::gnss::solution::{Quality, Solution};
@@ -66,7 +67,8 @@ impl Smoothing {
 
 impl fmt::Display for Smoothing {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Report { parameters, starts, negative_log_likelihood, consistency, arcs, passes, memory } = &self.report;
+        let Report { parameters, starts, negative_log_likelihood, consistency, tails, arcs, passes, memory } =
+            &self.report;
         write!(f, "{:18}{passes} passes over {memory}", "smoothing")?;
         match negative_log_likelihood.as_slice() {
             [] => writeln!(f)?,
@@ -86,6 +88,15 @@ impl fmt::Display for Smoothing {
         )?;
         let types: Vec<_> = consistency.iter().map(|types| format!("{} {:.2}", types.of, types.mean)).collect();
         writeln!(f, "{:18}{} (1 is expected)", "innovations²/σ²", types.join(", "))?;
+        let heavy: Vec<_> = tails.iter().filter_map(|tail| Some((tail, tail.freedom?))).collect();
+        if !heavy.is_empty() {
+            let describe = |(tail, freedom): &(&Tail, f64)| {
+                let share = 100.0 * tail.distrusted as f64 / tail.count as f64;
+                format!("{} ν {freedom:.0}, {share:.1} % distrusted", tail.of)
+            };
+            let list: Vec<_> = heavy.iter().map(describe).collect();
+            writeln!(f, "{:18}{}", "heavy tails", list.join("; "))?;
+        }
         if let Some(EngineErrors { rms_horizontal_m, rms_3d_m, normalized, .. }) = &self.engine {
             let [horizontal, three_d] = [rms_horizontal_m, rms_3d_m].map(|rms| 100.0 * rms);
             write!(f, "{:18}rms from smoothed positions H {horizontal:.2} cm, 3D {three_d:.2} cm", "engine")?;
@@ -163,6 +174,10 @@ mod tests {
             starts: Start::list(&[[0.1, 10.0]], &[f64::NAN, 12.0]),
             negative_log_likelihood: vec![30.0, 20.0, 10.0],
             consistency: vec![Consistency { of: "phase", count: 9, mean: 0.98 }],
+            tails: vec![
+                Tail { of: "code G1".into(), freedom: Some(8.0), window_s: 20.0, count: 200, distrusted: 3 },
+                Tail { of: "phase G1".into(), freedom: None, window_s: 0.0, count: 200, distrusted: 0 },
+            ],
             arcs: ArcCount { total: 3, fixed: 2, refused: 1, ..ArcCount::default() },
             passes: 7,
             memory: "checkpoints",
@@ -173,6 +188,7 @@ mod tests {
             "starts            motion ×1, measurements ×1: failed; motion ×0.1, measurements ×10: 12.0 (taken)\n",
             "3 arcs: 2 fixed, 1 refused, 0 contradictory, 0 float by nature\n",
             "phase 0.98 (1 is expected)\n",
+            "heavy tails       code G1 ν 8, 1.5 % distrusted\n",
             "phase noise G L1                            3.00 mm        2.00 mm",
         ] {
             assert!(text.contains(part), "{part:?} is not in\n{text}");

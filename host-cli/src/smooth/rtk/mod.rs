@@ -3,6 +3,7 @@
 //!
 //! * [`tape`]: what the engine used, epoch by epoch.
 //! * [`model`]: states, transitions and measurements of a tape; [`clusters`], [`noise`], [`rows`]: its parts.
+//! * [`robust`]: how far each measurement is to be trusted.
 //! * [`fix`]: integers on the smoothing (or the filtering) posterior.
 //! * [`answer`]: from smoothed densities to solutions.
 //! * [`report`]: what smoothing found out.
@@ -13,6 +14,7 @@ pub mod fix;
 pub mod model;
 pub mod noise;
 pub mod report;
+pub mod robust;
 pub mod rows;
 pub mod tape;
 #[cfg(test)]
@@ -36,6 +38,8 @@ use tape::Tape;
 pub struct Options {
     /// Whether noise is learned from the data (EM).
     pub em: bool,
+    /// Whether, with EM, each measurement is trusted as its smoothed error deserves: noise with heavy tails.
+    pub robust: bool,
     /// Memory for filtered densities, in bytes.
     pub budget: usize,
     /// Whether multipath is modelled as coloured noise.
@@ -59,6 +63,7 @@ impl Default for Options {
     fn default() -> Self {
         Self {
             em: false,
+            robust: true,
             budget: 512 << 20,
             coloured: true,
             time_constants: TimeConstants { code: 20.0, phase: 600.0 },
@@ -79,8 +84,10 @@ pub struct Smoothed {
     pub report: Report,
 }
 
-/// Evaluations of EM (passes forward and backward) before integers are fixed, and after.
-const EVALUATIONS: [usize; 2] = [10, 20];
+/// Evaluations of EM (passes forward and backward) before integers are fixed, after, and after measurements were judged.
+const EVALUATIONS: [usize; 3] = [10, 12, 6];
+/// How often measurements are judged by their smoothed errors.
+const JUDGEMENTS: usize = 2;
 /// Rounds of fixing: those fixed help the rest.
 const ROUNDS: usize = 4;
 
@@ -94,14 +101,23 @@ pub fn smooth(tape: &Tape, options: &Options, progress: Option<&Progress>) -> Re
     let mut run = Run { passes, model: RtkModel::new(tape, noise), report: Report::default() };
     run.announce(options);
     if options.em {
-        run.learn(if by_arc { EVALUATIONS[0] } else { EVALUATIONS.iter().sum() }, &options.starts)?;
+        run.learn(if by_arc { EVALUATIONS[0] } else { EVALUATIONS[0] + EVALUATIONS[1] }, &options.starts)?;
     }
     if by_arc {
         run.fix(options.fixing)?;
         if options.em {
             run.learn(EVALUATIONS[1], &[])?;
-            run.fix(options.fixing)?;
         }
+    }
+    if options.em && options.robust {
+        for _ in 0..JUDGEMENTS {
+            (run.model.trust, run.report.tails) = robust::judge(&run.model, &mut run.passes)?;
+            run.report.passes += 1;
+            run.learn(EVALUATIONS[2], &[])?;
+        }
+    }
+    if options.em && by_arc {
+        run.fix(options.fixing)?;
     }
     run.model.take_gauges();
     let fit = run.forward()?;
@@ -136,8 +152,10 @@ impl Run<'_, '_> {
     fn announce(&self, options: &Options) {
         let rounds = if options.em { 2 * ROUNDS } else { ROUNDS };
         let fixing = if options.fixing.scope == Scope::Arc { rounds } else { 0 };
-        let learning: usize = if options.em { EVALUATIONS.iter().sum() } else { 0 };
-        self.passes.expect(&self.model, 2 * (fixing + learning + 1));
+        let [first, second, third] = EVALUATIONS;
+        let judging = if options.em && options.robust { JUDGEMENTS } else { 0 };
+        let learning = if options.em { first + second + judging * third } else { 0 };
+        self.passes.expect(&self.model, 2 * (fixing + learning + judging + 1));
     }
 
     /// A forward pass; returns −ln likelihood.

@@ -15,6 +15,7 @@
 
 use super::clusters::{Ambiguity, Clusters, Layout, Layouts, Merge, Visit, visits};
 use super::noise::{Kind, Noise};
+use super::robust::PerMeasurement;
 use super::rows::{Differences, Row};
 use super::tape::Tape;
 use crate::smooth::model::{Density, Integer, Model, Parameter, Scratch, Sums, Transition};
@@ -57,6 +58,8 @@ pub struct RtkModel<'a> {
     layouts: Layouts,
     /// Parameters and what they are.
     pub noise: Noise,
+    /// How far each measurement is to be trusted: its white noise has its variance divided by this.
+    pub trust: PerMeasurement,
     /// Whether each epoch is the first of new states.
     births: Vec<bool>,
     /// Normalised squared innovations and their number, by type, since the last call of [`RtkModel::take_gauges`].
@@ -77,6 +80,7 @@ impl<'a> RtkModel<'a> {
             layouts: Layouts::default(),
             clusters,
             noise,
+            trust: PerMeasurement::new(tape.link_count(), 1.0),
             births: Vec::new(),
             gauges: Gauges::default(),
             contradictions: 0,
@@ -186,7 +190,7 @@ impl<'a> RtkModel<'a> {
         let motion = self.motion_states();
         let position = self.tape.epochs()[k].position;
         let [alpha, beta] = self.noise.white(kind, group);
-        for link in self.tape.links(k) {
+        for (link, at) in self.tape.links(k).iter().zip(self.tape.first_link(k)..) {
             let signal = usize::from(link.signal);
             if kind != Kind::Doppler && self.tape.signals()[signal].group != group {
                 continue;
@@ -224,12 +228,67 @@ impl<'a> RtkModel<'a> {
                 entries[len] = (first + of_kind + place, weight.sqrt());
                 len += 1;
             }
-            rows.push(Row { entries, len, value, weight, variance: alpha + beta * weight });
+            let trust = self.trust.get(at, kind);
+            rows.push(Row { entries, len, value, weight, trust, variance: (alpha + beta * weight) / trust, link: at });
+        }
+    }
+
+    /// Calls `each` with type, group and row of each measurement of an epoch, and E[e²] given all measurements: with the
+    /// common term c | x ~ N(r̄, 1/W) it is (rᵢ − r̄)² + (hᵢ − h̄) P (hᵢ − h̄)ᵀ + 1/W.
+    pub fn each_residual(&self, k: usize, smoothed: &Density, mut each: impl FnMut(Kind, usize, &Row, f64)) {
+        let mut rows = Vec::new();
+        let mut states: Vec<usize> = Vec::new();
+        let mut local: Vec<f64> = Vec::new();
+        for kind in Kind::ALL {
+            for group in 0..self.groups(kind) {
+                self.rows(k, kind, group, &mut rows);
+                if rows.len() < 2 {
+                    continue;
+                }
+                states.clear();
+                for &(state, _) in rows.iter().flat_map(Row::entries) {
+                    if !states.contains(&state) {
+                        states.push(state);
+                    }
+                }
+                let m = states.len();
+                local.clear();
+                local.extend(
+                    states
+                        .iter()
+                        .flat_map(|&i| states.iter().map(move |&j| (i, j)))
+                        .map(|(i, j)| smoothed.covariance(i, j)),
+                );
+                let weights: f64 = rows.iter().map(|row| 1.0 / row.variance).sum();
+                let place = |state: usize| states.iter().position(|&other| other == state).unwrap_or(0);
+                let mut mean_row = vec![0.0; m];
+                let mut mean = 0.0;
+                for row in &rows {
+                    mean += row.residual(&smoothed.mean) / (row.variance * weights);
+                    for &(i, h) in row.entries() {
+                        mean_row[place(i)] += h / (row.variance * weights);
+                    }
+                }
+                let mut difference = vec![0.0; m];
+                for row in &rows {
+                    difference.iter_mut().zip(&mean_row).for_each(|(d, mean)| *d = -mean);
+                    for &(i, h) in row.entries() {
+                        difference[place(i)] += h;
+                    }
+                    let spread: f64 = difference
+                        .iter()
+                        .zip(local.chunks_exact(m))
+                        .map(|(d, p)| d * p.iter().zip(&difference).map(|(p, d)| p * d).sum::<f64>())
+                        .sum();
+                    let residual = row.residual(&smoothed.mean) - mean;
+                    each(kind, group, row, residual * residual + spread + 1.0 / weights);
+                }
+            }
         }
     }
 
     /// Number of groups of a type.
-    fn groups(&self, kind: Kind) -> usize {
+    pub fn groups(&self, kind: Kind) -> usize {
         match kind {
             Kind::Doppler => usize::from(self.tape.config().motion.order() > 1),
             Kind::Code | Kind::Phase => self.tape.groups().len(),
@@ -410,71 +469,23 @@ impl Model for RtkModel<'_> {
         Ok(total)
     }
 
-    /// With the common term c | x ~ N(r̄, 1/W): E[eᵢ²] = (rᵢ − r̄)² + (hᵢ − h̄) P (hᵢ − h̄)ᵀ + 1/W. Of its two parts, with
-    /// variances v_a and v_b, E[e_a²] = (v_a/R)² E[e²] + v_a v_b/R. Coloured noise has its variance from the first epoch on,
-    /// before any step.
+    /// Of the two parts of a residual, with variances v_a and v_b, E[e_a²] = (v_a/R)² E[e²] + v_a v_b/R. Coloured noise has
+    /// its variance from the first epoch on, before any step.
     fn residuals(&self, k: usize, smoothed: &Density, _scratch: &mut Scratch, sums: &mut Sums) {
-        let mut rows = Vec::new();
-        let mut states: Vec<usize> = Vec::new();
-        let mut local: Vec<f64> = Vec::new();
         if k == 0 {
             for (i, component) in self.coloured_states(0) {
                 let square = smoothed.mean[i] * smoothed.mean[i] + smoothed.covariance(i, i);
                 sums.add(component, square, 1.0);
             }
         }
-        for kind in Kind::ALL {
-            for group in 0..self.groups(kind) {
-                self.rows(k, kind, group, &mut rows);
-                if rows.len() < 2 {
-                    continue;
-                }
-                states.clear();
-                for &(state, _) in rows.iter().flat_map(Row::entries) {
-                    if !states.contains(&state) {
-                        states.push(state);
-                    }
-                }
-                let m = states.len();
-                local.clear();
-                local.extend(
-                    states
-                        .iter()
-                        .flat_map(|&i| states.iter().map(move |&j| (i, j)))
-                        .map(|(i, j)| smoothed.covariance(i, j)),
-                );
-                let weights: f64 = rows.iter().map(|row| 1.0 / row.variance).sum();
-                let place = |state: usize| states.iter().position(|&other| other == state).unwrap_or(0);
-                let mut mean_row = vec![0.0; m];
-                let mut mean = 0.0;
-                for row in &rows {
-                    mean += row.residual(&smoothed.mean) / (row.variance * weights);
-                    for &(i, h) in row.entries() {
-                        mean_row[place(i)] += h / (row.variance * weights);
-                    }
-                }
-                let [a, b] = self.noise.white_components(kind, group);
-                let [alpha, beta] = self.noise.white(kind, group);
-                let mut difference = vec![0.0; m];
-                for row in &rows {
-                    difference.iter_mut().zip(&mean_row).for_each(|(d, mean)| *d = -mean);
-                    for &(i, h) in row.entries() {
-                        difference[place(i)] += h;
-                    }
-                    let spread: f64 = difference
-                        .iter()
-                        .zip(local.chunks_exact(m))
-                        .map(|(d, p)| d * p.iter().zip(&difference).map(|(p, d)| p * d).sum::<f64>())
-                        .sum();
-                    let residual = row.residual(&smoothed.mean) - mean;
-                    let square = residual * residual + spread + 1.0 / weights;
-                    let (v_a, v_b, r) = (alpha, beta * row.weight, row.variance);
-                    let cross = v_a * v_b / r;
-                    sums.add(a, (v_a / r) * (v_a / r) * square + cross, 1.0);
-                    sums.add(b, ((v_b / r) * (v_b / r) * square + cross) / row.weight, 1.0);
-                }
-            }
-        }
+        self.each_residual(k, smoothed, |kind, group, row, square| {
+            let [a, b] = self.noise.white_components(kind, group);
+            let [alpha, beta] = self.noise.white(kind, group);
+            let (v_a, v_b, r) = (alpha / row.trust, beta * row.weight / row.trust, row.variance);
+            let cross = v_a * v_b / r;
+            sums.add(a, ((v_a / r) * (v_a / r) * square + cross) * row.trust, 1.0);
+            sums.add(b, ((v_b / r) * (v_b / r) * square + cross) * row.trust / row.weight, 1.0);
+        });
     }
 
     fn parameters(&self) -> &[Parameter] {

@@ -128,6 +128,16 @@ impl Noise {
         self.parameters[index].variance
     }
 
+    /// A type of measurement of a group, for people: "code G1".
+    pub fn describe(kind: Kind, tape: &Tape, group: usize) -> String {
+        match tape.groups().get(group) {
+            Some(group) if kind != Kind::Doppler => {
+                format!("{} {}{}", kind.name(), group.constellation.letter(), group.band)
+            }
+            _ => kind.name().into(),
+        }
+    }
+
     /// Index of the motion noise of an axis: east, north, up.
     pub fn motion(axis: usize) -> usize {
         usize::from(axis == 2)

@@ -58,6 +58,21 @@ pub struct Consistency {
     pub mean: f64,
 }
 
+/// How heavy the tails of the noise of one type of measurement are.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Tail {
+    /// What it is: "code G1", "Doppler".
+    pub of: String,
+    /// Degrees of freedom of Student's distribution; none for Gaussian noise.
+    pub freedom: Option<f64>,
+    /// For how long a signal keeps the same variance `[s]`; 0 for single epochs.
+    pub window_s: f64,
+    /// Number of measurements.
+    pub count: usize,
+    /// Those with less than a quarter of their weight.
+    pub distrusted: usize,
+}
+
 /// Ambiguities, counted by arcs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct ArcCount {
@@ -85,6 +100,8 @@ pub struct Report {
     pub negative_log_likelihood: Vec<f64>,
     /// Innovations by type.
     pub consistency: Vec<Consistency>,
+    /// Tails of the noise, where measurements were weighed by them.
+    pub tails: Vec<Tail>,
     /// Ambiguities.
     pub arcs: ArcCount,
     /// Forward passes in all.

@@ -19,8 +19,12 @@ pub struct Row {
     pub value: f64,
     /// How its variance compares with that at the zenith.
     pub weight: f64,
+    /// How far it is trusted: its variance was divided by this.
+    pub trust: f64,
     /// Its variance.
     pub variance: f64,
+    /// Its link, in the order of the tape.
+    pub link: usize,
 }
 
 impl Row {
@@ -131,7 +135,7 @@ mod tests {
             for (i, (entry, state)) in entries.iter_mut().zip(states).enumerate() {
                 *entry = (state, 0.3 * value - i as f64);
             }
-            Row { entries, len: 3, value, weight: 1.0, variance }
+            Row { entries, len: 3, value, weight: 1.0, trust: 1.0, variance, link: 0 }
         };
         let groups = [
             vec![row([0, 1, 3], 1.5, 0.2), row([0, 1, 4], -0.5, 0.1), row([0, 1, 3], 0.7, 2.0)],

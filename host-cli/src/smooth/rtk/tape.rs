@@ -231,6 +231,16 @@ impl Tape {
         self.epochs.get(epoch).and_then(|epoch| self.links.get(epoch.links.clone())).unwrap_or(&[])
     }
 
+    /// The number of links before those of an epoch.
+    pub fn first_link(&self, epoch: usize) -> usize {
+        self.epochs.get(epoch).map_or(self.links.len(), |epoch| epoch.links.start)
+    }
+
+    /// Number of links of all epochs.
+    pub fn link_count(&self) -> usize {
+        self.links.len()
+    }
+
     /// All signals.
     pub fn signals(&self) -> &[Signal] {
         &self.signals
