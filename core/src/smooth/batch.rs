@@ -1,5 +1,8 @@
 //! Random smoothing problems with everything that happens to states, and their solution by conditioning the joint
 //! density of all epochs at once, for tests.
+//!
+//! Cost: cubic in the number of all states and measurements, of which a problem has some dozens. Panics where a density is
+//! not positive definite, which fails the test.
 
 use nalgebra::{DMatrix, DVector};
 use proptest::prelude::*;

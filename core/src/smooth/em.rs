@@ -166,11 +166,12 @@ pub fn correlated<T: Real>(
     let (m, n) = (residual.len(), smoothed.rows());
     shape([unit.rows(), unit.cols(), product.rows(), product.cols(), work.rows(), work.cols()], [m, m, m, m, m, n])?;
     shape([smoothed.cols()], [n])?;
+    let range = first..first.checked_add(m).ok_or(SmoothError::Shape)?;
     cholesky::factor(unit)?;
-    for i in 0..m {
-        times_row(rows, first + i, smoothed, work.row_mut(i));
-        for j in 0..m {
-            product.set(i, j, along(rows, first + j, work.row(i)));
+    for (i, row) in range.clone().enumerate() {
+        times_row(rows, row, smoothed, work.row_mut(i));
+        for (j, other) in range.clone().enumerate() {
+            product.set(i, j, along(rows, other, work.row(i)));
         }
     }
     // Tr(L⁻¹ A L⁻ᵀ) for symmetric A: L⁻¹ on the rows, then on those of the transpose, whose diagonal counts.
@@ -355,6 +356,22 @@ mod tests {
             prop_assert!((merged.scale().unwrap() / whole.scale().unwrap() - 1.0).abs() < 1e-12 || whole.quadratic == 0.0);
             prop_assert_eq!(merged.count, whole.count);
         }
+    }
+
+    /// Numbers of rows that no index can hold.
+    #[test]
+    fn correlated_rows_beyond_all_numbers_are_refused() {
+        let rows = Mat::new(&[1.0, 1.0], 2, 1, 1).unwrap();
+        let attempt = |first: usize| {
+            let (mut unit, mut work, mut product) = ([1.0, 0.0, 0.0, 1.0], [0.0; 2], [0.0; 4]);
+            let [mut unit, mut product] = [&mut unit, &mut product].map(|square| MatMut::square(square, 2).unwrap());
+            let mut work = MatMut::new(&mut work, 2, 1, 1).unwrap();
+            let p = Mat::square(&[1.0], 1).unwrap();
+            correlated(&rows, first, &mut [0.0; 2], &mut unit, p, &mut work, &mut product)
+        };
+        assert_eq!(attempt(usize::MAX), Err(SmoothError::Shape));
+        assert_eq!(attempt(usize::MAX - 1), Err(SmoothError::Shape));
+        assert_eq!(attempt(0), Ok(Sum { quadratic: 2.0, count: 2.0 }));
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! What a step of a smoother can refuse.
+//! What a step of a smoother can refuse. No cost but its two words; nothing panics.
 
 use core::fmt;
 

@@ -45,7 +45,7 @@ use core::fmt;
 
 use super::step::{Block, SparseMap, Step};
 use super::{Moments, MomentsMut, SmoothError, predict, rts};
-use crate::linalg::MatMut;
+use crate::linalg::{MatMut, copy, head};
 use crate::real::Real;
 
 /// Numbers in the lower triangle of an n × n matrix, with its diagonal.
@@ -299,13 +299,7 @@ impl<T: Real, const N: usize, const PACKED: usize, const ENTRIES: usize, const B
 
 /// Copies `from` to the front of `to`; `None` if it is longer.
 fn store<E: Copy>(to: &mut [E], from: &[E]) -> Option<()> {
-    to.get_mut(..from.len())?.iter_mut().zip(from).for_each(|(to, &from)| *to = from);
-    Some(())
-}
-
-/// The first entries, fewer where there are fewer.
-fn head<E>(entries: &[E], len: usize) -> &[E] {
-    entries.get(..len).unwrap_or(entries)
+    to.get_mut(..from.len()).map(|to| copy(to, from))
 }
 
 /// Memory of the steps back.
@@ -353,7 +347,7 @@ impl<T: Real, const N: usize> Density<T, N> {
         epoch: &Epoch<T, N, PACKED, ENTRIES, BLOCKS>,
     ) -> Result<Moments<'_, T>, SmoothError> {
         let mut to = self.moments_mut(epoch.n)?;
-        to.mean.iter_mut().zip(&epoch.mean).for_each(|(to, &from)| *to = from);
+        copy(to.mean, &epoch.mean);
         let mut packed = epoch.covariance.iter();
         for (i, row) in to.covariance.iter_mut().enumerate() {
             row.iter_mut().take(i + 1).zip(&mut packed).for_each(|(to, &from)| *to = from);

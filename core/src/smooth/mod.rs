@@ -6,13 +6,13 @@
 //! * [`step`]: x⁺ = F x + b + q, rectangular where states are born or die.
 //! * [`predict`]: the moments of x⁺ from those of x.
 //! * [`rts`]: the moments of x given all measurements, from those of x⁺ (Rauch–Tung–Striebel).
-//! * [`tiled`]: the same step, for tens of states on a host.
+//! * [`tiled`]: both of these steps, for tens of states on a host.
 //! * [`disturbance`]: the same by an adjoint pair (r, N), without gains or inverses (Bryson–Frazier).
 //! * [`em`]: the sums of which the M-step of EM is the quotient.
 //! * [`fixed_lag`]: a ring of the latest epochs, smoothed on request.
 //!
 //! All matrices are views. Covariances are read and written in their lower triangles only; the strict upper ones may hold
-//! anything and are left alone.
+//! anything and are left alone. Memory is the caller's, the cost of a step stands with each; nothing panics.
 
 pub mod disturbance;
 pub mod em;

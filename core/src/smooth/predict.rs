@@ -66,7 +66,7 @@ fn sparse_dot<T: Real>(entries: &[(usize, T)], x: &[T]) -> T {
 
 /// P ← P + Q in the lower triangle.
 #[inline(always)]
-fn add_noise<T: Real>(step: &Step<'_, T>, p: &mut MatMut<'_, T>) {
+pub(super) fn add_noise<T: Real>(step: &Step<'_, T>, p: &mut MatMut<'_, T>) {
     for block in step.noise {
         for (&i, shape) in block.states.iter().zip(&block.shape).take(block.dim) {
             for (&j, &shape) in block.states.iter().zip(shape).take(block.dim).filter(|(j, _)| **j <= i) {

@@ -12,7 +12,7 @@
 use super::predict::map_rows;
 use super::step::Step;
 use super::{Moments, MomentsMut, SmoothError, shape};
-use crate::linalg::{Mat, MatMut, axpy, cholesky, triangular};
+use crate::linalg::{Mat, MatMut, axpy, cholesky, copy, head_mut, triangular};
 use crate::real::Real;
 
 /// Memory of a step from n to n⁺ states; after it, the gain.
@@ -90,26 +90,31 @@ pub fn smooth<T: Real>(
     triangular::back_transposed_rows(factor, &mut work.gain)?;
     symmetric_times(work.difference.as_ref(), work.gain.as_ref(), &mut work.product);
 
-    for (to, &from) in smoothed.mean.iter_mut().zip(filtered.mean) {
-        *to = from;
-    }
-    for ((gain, &next), &predicted) in work.gain.iter().zip(next.mean).zip(predicted.mean.iter()) {
-        axpy(smoothed.mean, next - predicted, gain);
-    }
     for (i, (to, from)) in smoothed.covariance.iter_mut().zip(filtered.covariance.iter()).enumerate() {
-        for (to, &from) in to.iter_mut().zip(from).take(i + 1) {
-            *to = from;
-        }
+        copy(head_mut(to, i + 1), from);
     }
     for (gain, product) in work.gain.iter().zip(work.product.iter()) {
         for ((i, row), &gain) in smoothed.covariance.iter_mut().enumerate().zip(gain) {
-            axpy(row.get_mut(..=i).unwrap_or_default(), gain, product);
+            axpy(head_mut(row, i + 1), gain, product);
         }
     }
-    if !smoothed.mean.iter().all(|x| x.is_finite()) {
-        return Err(SmoothError::NotFinite);
+    add_gain(work.gain.as_ref(), filtered.mean, predicted.mean, next.mean, smoothed.mean)
+}
+
+/// mˢ = m + G (mˢ⁺ − m⁻); refuses what is not finite.
+#[inline(always)]
+pub(super) fn add_gain<T: Real>(
+    gain_transposed: Mat<'_, T>,
+    filtered: &[T],
+    predicted: &[T],
+    next: &[T],
+    smoothed: &mut [T],
+) -> Result<(), SmoothError> {
+    copy(smoothed, filtered);
+    for ((gain, &next), &predicted) in gain_transposed.iter().zip(next).zip(predicted) {
+        axpy(smoothed, next - predicted, gain);
     }
-    Ok(())
+    if smoothed.iter().all(|x| x.is_finite()) { Ok(()) } else { Err(SmoothError::NotFinite) }
 }
 
 /// `out` ← S A for the symmetric S of which the lower triangle counts.

@@ -1,23 +1,103 @@
-//! The backward step of [`super::rts`] for tens of states, in tiles of registers ([`crate::linalg::tiles`]).
+//! The steps of [`super::predict`] and [`super::rts`] for tens of states, in tiles of registers ([`crate::linalg::tiles`]).
 //!
-//! The same formulas and the same interface; the memory is larger, because dimensions are filled up to whole tiles. What
-//! is inlined here can be compiled by the caller for the processor it finds. Cost n⁺³/6 + 2 n⁺² n + n⁺ n²/2 multiply-adds.
-//! Lower triangles only. Panic contract: none.
+//! The same formulas; the memory is larger, because dimensions are filled up to whole tiles. The step back predicts as
+//! well: both need F P, and the sums are those of [`predict`], to the same bits. What is inlined here can be compiled by the
+//! caller for the processor it finds. Cost of a prediction: z n for z entries in F, and the transposition of F P; of a step
+//! back n⁺³/6 + 2 n⁺² n + n⁺ n²/2 multiply-adds beside that. Lower triangles only. Panic contract: none.
 
-use super::predict::map_rows;
+use super::predict::{add_noise, map_mean};
+use super::rts::add_gain;
 use super::step::Step;
 use super::{Moments, MomentsMut, SmoothError, shape};
 use crate::linalg::tiles::{self, Tiles};
-use crate::linalg::{Mat, axpy, copy};
+use crate::linalg::{Mat, MatMut, axpy, copy, head_mut};
 use crate::real::Real;
 
-/// Memory of a step from n to n⁺ states; after it, the gain.
+/// Memory of a prediction from n to n⁺ states.
+#[derive(Debug)]
+struct Mapping<'a, T> {
+    /// P, both triangles, n × n.
+    full: Tiles<'a, T>,
+    /// F P, n⁺ × n.
+    mapped: Tiles<'a, T>,
+    /// P Fᵀ, n × n⁺.
+    transposed: Tiles<'a, T>,
+}
+
+impl<'a, T: Real> Mapping<'a, T> {
+    const fn buffer_len(after: usize, n: usize) -> usize {
+        tiles::buffer_len(n, n) + tiles::buffer_len(after, n) + tiles::buffer_len(n, after)
+    }
+
+    fn split(buffer: &'a mut [T], after: usize, n: usize) -> Result<(Self, &'a mut [T]), SmoothError> {
+        let (full, rest) = Tiles::split(buffer, n, n)?;
+        let (mapped, rest) = Tiles::split(rest, after, n)?;
+        let (transposed, rest) = Tiles::split(rest, n, after)?;
+        Ok((Self { full, mapped, transposed }, rest))
+    }
+
+    /// F P and its transpose.
+    #[inline(always)]
+    fn map(&mut self, step: &Step<'_, T>, p: Mat<'_, T>) {
+        self.full.load_symmetric(p.rows(), T::ZERO, |i, row| copy(row, p.row(i)));
+        self.mapped.clear();
+        for i in 0..step.map.rows() {
+            combine(step, i, &self.full, p.rows(), self.mapped.row_mut(i));
+        }
+        self.transposed.copy_transposed(&self.mapped);
+    }
+
+    /// P⁻ = F P Fᵀ + Q in the lower triangle of `predicted`.
+    #[inline(always)]
+    fn covariance(&self, step: &Step<'_, T>, predicted: &mut MatMut<'_, T>) {
+        for (i, row) in predicted.iter_mut().enumerate() {
+            let row = head_mut(row, i + 1);
+            row.fill(T::ZERO);
+            combine(step, i, &self.transposed, step.map.columns, row);
+        }
+        add_noise(step, predicted);
+    }
+}
+
+/// out ← out + Σ_c F_ic · (row c of `rows`), of which there are `n`.
+#[inline(always)]
+fn combine<T: Real>(step: &Step<'_, T>, i: usize, rows: &Tiles<'_, T>, n: usize, out: &mut [T]) {
+    for &(column, coefficient) in step.map.row(i).iter().filter(|(column, _)| *column < n) {
+        axpy(out, coefficient, rows.row(column));
+    }
+}
+
+/// How long a buffer [`predict`] needs for a step from `n` to `after` states.
+pub const fn prediction_len(after: usize, n: usize) -> usize {
+    Mapping::<f64>::buffer_len(after, n)
+}
+
+/// The moments of x⁺, on a `buffer` of at least [`prediction_len`] numbers, whatever is in it.
+#[inline(always)]
+pub fn predict<T: Real>(
+    step: &Step<'_, T>,
+    filtered: Moments<'_, T>,
+    predicted: &mut MomentsMut<'_, T>,
+    buffer: &mut [T],
+) -> Result<(), SmoothError> {
+    let (n, after) = (step.map.columns, step.map.rows());
+    filtered.fits(n)?;
+    predicted.as_ref().fits(after)?;
+    shape([step.offset.len()], [after])?;
+    let (mut mapping, _) = Mapping::split(buffer, after, n)?;
+    map_mean(step, filtered.mean, predicted.mean);
+    mapping.map(step, filtered.covariance);
+    mapping.covariance(step, &mut predicted.covariance);
+    Ok(())
+}
+
+/// Memory of a step back from n⁺ to n states; after it, the gain.
 #[derive(Debug)]
 pub struct Work<'a, T> {
     after: usize,
     n: usize,
-    /// Gᵀ, n⁺ × n.
-    gain: Tiles<'a, T>,
+    /// After the prediction, F P becomes Gᵀ.
+    mapping: Mapping<'a, T>,
     /// (Pˢ⁺ − P⁻) Gᵀ, n⁺ × n.
     product: Tiles<'a, T>,
     /// Pˢ⁺ − P⁻, n⁺ × n⁺.
@@ -28,29 +108,29 @@ pub struct Work<'a, T> {
 
 /// How long a buffer [`Work`] needs for a step from `n` to `after` states.
 pub const fn buffer_len(after: usize, n: usize) -> usize {
-    2 * (tiles::buffer_len(after, n) + tiles::buffer_len(after, after))
+    prediction_len(after, n) + tiles::buffer_len(after, n) + 2 * tiles::buffer_len(after, after)
 }
 
 impl<'a, T: Real> Work<'a, T> {
     /// On a buffer of at least [`buffer_len`] numbers, whatever is in it.
     pub fn new(buffer: &'a mut [T], after: usize, n: usize) -> Result<Self, SmoothError> {
-        let (gain, rest) = Tiles::split(buffer, after, n)?;
+        let (mapping, rest) = Mapping::split(buffer, after, n)?;
         let (product, rest) = Tiles::split(rest, after, n)?;
         let (difference, rest) = Tiles::split(rest, after, after)?;
         let (factor, _) = Tiles::split(rest, after, after)?;
-        Ok(Self { after, n, gain, product, difference, factor })
+        Ok(Self { after, n, mapping, product, difference, factor })
     }
 
     /// Gᵀ of the step that was taken, n⁺ × n.
     pub fn gain_transposed(&self) -> Mat<'_, T> {
-        self.gain.view(self.after, self.n).unwrap_or(Mat::empty())
+        self.mapping.mapped.view(self.after, self.n).unwrap_or(Mat::empty())
     }
 }
 
-/// Smooths x, given the filtered moments of x, the predicted and the smoothed ones of x⁺.
+/// Smooths x, given the filtered moments of x and the smoothed ones of x⁺.
 ///
-/// `predicted.covariance` returns L in its lower triangle. `smoothed` may be the buffers of a later use; it is spoilt if
-/// an error is returned.
+/// `predicted` returns m⁻, and L of P⁻ = L Lᵀ in its lower triangle. `smoothed` may be the buffers of a later use; both are
+/// spoilt if an error is returned.
 #[inline(always)]
 pub fn smooth<T: Real>(
     step: &Step<'_, T>,
@@ -65,9 +145,12 @@ pub fn smooth<T: Real>(
     smoothed.as_ref().fits(n)?;
     predicted.as_ref().fits(after)?;
     next.fits(after)?;
-    shape([work.n, work.after], [n, after])?;
-    let Work { gain, product, difference, factor, .. } = work;
+    shape([step.offset.len(), work.n, work.after], [after, n, after])?;
+    let Work { mapping, product, difference, factor, .. } = work;
 
+    map_mean(step, filtered.mean, predicted.mean);
+    mapping.map(step, filtered.covariance);
+    mapping.covariance(step, &mut predicted.covariance);
     factor.load_symmetric(after, T::ONE, |i, row| copy(row, predicted.covariance.row(i)));
     difference.load_symmetric(after, T::ZERO, |i, row| {
         for ((to, &next), &predicted) in row.iter_mut().zip(next.covariance.row(i)).zip(predicted.covariance.row(i)) {
@@ -75,27 +158,17 @@ pub fn smooth<T: Real>(
         }
     });
     factor.factor()?;
-    gain.clear();
-    map_rows(step, filtered.covariance, &mut gain.view_mut(after, n)?);
+    let gain = &mut mapping.mapped;
     factor.forward(gain);
     factor.backward(gain, false);
     product.product(difference, gain, false);
     Tiles::gram_lower(gain, product, filtered.covariance, &mut smoothed.covariance);
-
-    copy(smoothed.mean, filtered.mean);
-    for (i, (&next, &predicted)) in next.mean.iter().zip(predicted.mean.iter()).enumerate() {
-        axpy(smoothed.mean, next - predicted, gain.row(i));
-    }
     // The difference has been used: its place takes L.
     difference.copy_transposed_upper(factor);
     for i in 0..after {
-        let row = predicted.covariance.row_mut(i).get_mut(..=i).unwrap_or_default();
-        copy(row, difference.row(i));
+        copy(head_mut(predicted.covariance.row_mut(i), i + 1), difference.row(i));
     }
-    if !smoothed.mean.iter().all(|x| x.is_finite()) {
-        return Err(SmoothError::NotFinite);
-    }
-    Ok(())
+    add_gain(gain.view(after, n)?, filtered.mean, predicted.mean, next.mean, smoothed.mean)
 }
 
 #[cfg(test)]
@@ -113,9 +186,18 @@ mod tests {
             let plain = problem.smooth(&pass, |k, factored, next, work| {
                 let step = problem.transitions[k].step();
                 let (n, after) = (step.map.columns, step.map.rows());
-                let (mut mean, mut p) = pass.predicted[k + 1].clone();
+                let (mut mean, mut p) = (vec![f64::NAN; after], vec![f64::NAN; after * after]);
                 let mut predicted = MomentsMut::packed(&mut mean, &mut p).unwrap();
                 let filtered = Moments::packed(&pass.filtered[k].0, &pass.filtered[k].1).unwrap();
+                predict(&step, filtered, &mut predicted, &mut vec![f64::NAN; prediction_len(after, n)]).unwrap();
+                let (plain_mean, plain) = &pass.predicted[k + 1];
+                assert_eq!(predicted.mean, plain_mean);
+                for i in 0..after {
+                    for j in 0..=i {
+                        let size = (plain[i * (after + 1)] * plain[j * (after + 1)]).sqrt();
+                        assert!((predicted.covariance.at(i, j) - plain[i * after + j]).abs() <= 1e-13 * size);
+                    }
+                }
                 let to = &mut tiled[k];
                 let mut smoothed = MomentsMut::packed(&mut to.0, &mut to.1).unwrap();
                 let mut buffer = vec![f64::NAN; buffer_len(after, n)];

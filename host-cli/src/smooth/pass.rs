@@ -15,7 +15,7 @@ use super::vector::vectorised;
 use std::io;
 use surefix_core::filter::update::{Gauge, UpdateError};
 use surefix_core::linalg::MatMut;
-use surefix_core::smooth::{Moments, MomentsMut, SmoothError, em, predict, tiled};
+use surefix_core::smooth::{Moments, MomentsMut, SmoothError, em, tiled};
 use thiserror::Error;
 
 /// ln 2π.
@@ -260,13 +260,12 @@ impl<'a> Passes<'a> {
         let step = self.transition.step();
         let (n, after) = (step.map.columns, step.map.rows());
         predicted.resize(after);
-        self.work.resize(self.work.len().max(n * after), 0.0);
+        self.work.resize(self.work.len().max(tiled::prediction_len(after, n)), 0.0);
         let mut predict = || {
-            let mut work = MatMut::new(&mut self.work, after, n, n)?;
             let (filtered, mut predicted) = (filtered.moments()?, predicted.moments_mut()?);
             vectorised(
                 #[inline(always)]
-                || predict::predict(&step, filtered, &mut predicted, &mut work),
+                || tiled::predict(&step, filtered, &mut predicted, &mut self.work),
             )
         };
         predict().map_err(|source| PassError::Step { epoch: k, source })
@@ -327,9 +326,10 @@ impl<'a> Passes<'a> {
         visit(Epoch { k: last, filtered: &filtered, smoothed: &smoothed }, &mut self.scratch);
         for k in (0..last).rev() {
             self.fetch(model, &mut history, k, &mut filtered, &mut predicted)?;
-            self.predict(model, k, &filtered, &mut predicted)?;
+            model.transition(k, &mut self.transition);
             std::mem::swap(&mut smoothed, &mut next);
             smoothed.resize(filtered.dim());
+            predicted.resize(next.dim());
             let mut step = || {
                 let (n, after) = (filtered.dim(), predicted.dim());
                 self.work.resize(self.work.len().max(tiled::buffer_len(after, n)), 0.0);

@@ -145,6 +145,17 @@ impl<'a, T: Real> Tiles<'a, T> {
         }
     }
 
+    /// Becomes the transpose of `other`.
+    #[inline(always)]
+    pub fn copy_transposed(&mut self, other: &Tiles<'_, T>) {
+        for i in 0..self.rows / LANES {
+            for j in 0..self.groups {
+                let square = transposed(&other.square(j, i));
+                self.set_square(i, j, &square);
+            }
+        }
+    }
+
     /// Becomes the transpose of the upper triangle of `other`, which has the same shape, with zeros above.
     #[inline(always)]
     pub fn copy_transposed_upper(&mut self, other: &Tiles<'_, T>) {

@@ -1,4 +1,6 @@
 //! Three carrier frequencies and linear combinations of signals on them.
+//!
+//! Cost: some multiplications, a square root where a length becomes 1. Panic contract: none.
 
 use crate::gnss::SPEED_OF_LIGHT;
 use crate::linalg::dot;

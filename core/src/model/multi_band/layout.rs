@@ -1,4 +1,6 @@
 //! Where each state of the multi-band model is: x = (z; n_L1, n_L2, n_L5; I, İ, T, Ṫ [, dt, ḋt]).
+//!
+//! Cost: a few additions of integers, nothing is stored. Panic contract: none.
 
 use super::combination::BANDS;
 use core::ops::Range;

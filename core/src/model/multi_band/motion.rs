@@ -7,6 +7,8 @@
 //! ambiguities:   σ_L², or σ_H² if flagged, an epoch                               (20)
 //! ```
 //! n_k^j, the scalars that component j has in Q: 1, 1, 2, and 2 N_s for each kind of bias.
+//!
+//! Cost: one call for each entry of F or block of Q, linear in the number of states. Panic contract: none.
 
 use super::{Layout, MultiBandModel};
 use crate::model::motion::Motion;

@@ -6,6 +6,8 @@
 //! | virtual measurements of I, T and, in single differences, clocks | 2 or 3 N_s | the state itself |
 //!
 //! The noise of two differences of combinations c and c′ of one kind of signal is (cᵀc′) f σ² (M Mᵀ)_ij.
+//!
+//! Cost: one call for each coefficient, at most nine a row. Panic contract: none; rows that are not there are empty.
 
 use super::combination::{BANDS, Combination};
 use super::{ClockRows, Layout, MultiBandModel};

@@ -3,6 +3,8 @@
 //! G = ∂h/∂n has entries in the phase rows alone, and those are square: the pseudo-inverse, weighted or not, gives the
 //! innovation of each band's phase over its wavelength. The prediction contains the ambiguities as they were, hence a slip
 //! between k − 1 and k appears in the innovation at k with its sign; it belongs to the transition k − 1 → k.
+//!
+//! Cost: one walk through a row for each ambiguity. Panic contract: none.
 
 use super::combination::{BANDS, Bands};
 

@@ -6,6 +6,10 @@
 //!
 //! Parameters: σ_x², σ_y², σ_z², σ_I², σ_T² [, σ_t²], then the variances of code, phase, Doppler, ionosphere, troposphere
 //! [, clock].
+//!
+//! Memory: the records, and some words for each ambiguity and epoch. Cost of an epoch: a transition and a detection are
+//! linear in the number of states, an update is cubic ([`update`]). Panics where an epoch is asked for that is not there;
+//! records that do not fit are refused by [`MultiBand::new`].
 
 mod groups;
 mod places;

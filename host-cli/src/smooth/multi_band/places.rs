@@ -1,4 +1,6 @@
 //! Where the states of the multi-band model are at an epoch whose ambiguities are fixed in part.
+//!
+//! Cost: two numbers a state; a place is found in one step. Panic contract: none.
 
 use surefix_core::model::multi_band::Layout;
 

@@ -1,4 +1,7 @@
 //! What a multi-band model is told, and what it recorded.
+//!
+//! Memory of a record: a number for each measurement, six for each satellite. Panics where a measurement is asked for that
+//! was not recorded.
 
 use nalgebra::Vector3;
 use surefix_core::filter::linearize::Rule;

@@ -3,6 +3,10 @@
 //! Groups of rows ([`super::groups`]) follow one another, each with the noise f σ² M Mᵀ. Where a statistical rule finds an
 //! Ω that counts, it ties all groups together and they are taken at once; an Ω below [`NEGLIGIBLE`] of the noise of phases
 //! or Doppler changes no covariance by more than that and is left out: then the epoch is gathered in information form.
+//!
+//! Cost for n states: that of the linearisation and 4 n³/3 multiply-adds ([`information`]); with an Ω that counts, p n² for p
+//! rows and p³/6. The sums of residuals take p n z for z coefficients in a row. All memory is the caller's scratch. Panics
+//! where an epoch is asked for that is not there.
 
 use super::super::model::{Density, Scratch, Sums};
 use super::super::vector::vectorised;
