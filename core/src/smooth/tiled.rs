@@ -1,7 +1,7 @@
 //! The steps of [`super::predict`] and [`super::rts`] for tens of states, in tiles of registers ([`crate::linalg::tiles`]).
 //!
 //! The same formulas; the memory is larger, because dimensions are filled up to whole tiles. The step back predicts as
-//! well: both need F P, and the sums are those of [`predict`], to the same bits. What is inlined here can be compiled by the
+//! well: both need F P. What is inlined here can be compiled by the
 //! caller for the processor it finds. Cost of a prediction: z n for z entries in F, and the transposition of F P; of a step
 //! back n⁺³/6 + 2 n⁺² n + n⁺ n²/2 multiply-adds beside that. Lower triangles only. Panic contract: none.
 
@@ -223,12 +223,13 @@ mod tests {
         use super::super::step::SparseMap;
         let map = SparseMap { ends: &[1], entries: &[(0, 1.0)], columns: 1 };
         let step = Step { map, offset: &[0.0], noise: &[] };
-        let attempt = |predicted: f64, next_mean: f64, states: usize| {
-            let (mut mean, mut p, mut buffer) = ([0.0], [predicted], [0.0; buffer_len(2, 1)]);
+        let attempt = |variance: f64, next_mean: f64, states: usize| {
+            let (mut mean, mut p, mut buffer) = ([0.0], [f64::NAN], [0.0; buffer_len(2, 1)]);
             let mut predicted = MomentsMut::packed(&mut mean, &mut p).unwrap();
             let (mut smoothed_mean, mut smoothed_p) = ([0.0], [0.0]);
             let mut smoothed = MomentsMut::packed(&mut smoothed_mean, &mut smoothed_p).unwrap();
-            let filtered = Moments::packed(&[0.0], &[1.0]).unwrap();
+            let filtered_p = [variance];
+            let filtered = Moments::packed(&[0.0], &filtered_p).unwrap();
             let next_mean = [next_mean];
             let next = Moments::packed(&next_mean, &[0.5]).unwrap();
             let mut work = Work::new(&mut buffer, states, 1).unwrap();
@@ -239,5 +240,10 @@ mod tests {
         assert_eq!(attempt(2.0, f64::NAN, 1), Err(SmoothError::NotFinite));
         assert_eq!(attempt(2.0, 0.0, 2), Err(SmoothError::Shape));
         assert!(Work::new(&mut [0.0; 2], 1, 1).is_err());
+        let (filtered, mut mean, mut p) = (Moments::packed(&[0.0], &[1.0]).unwrap(), [0.0; 2], [0.0; 4]);
+        let mut predicted = MomentsMut::packed(&mut mean, &mut p).unwrap();
+        assert_eq!(predict(&step, filtered, &mut predicted, &mut [0.0; 999]), Err(SmoothError::Shape));
+        let mut predicted = MomentsMut::packed(&mut mean[..1], &mut p).unwrap();
+        assert_eq!(predict(&step, filtered, &mut predicted, &mut [0.0; 2]), Err(SmoothError::Shape));
     }
 }
