@@ -98,7 +98,7 @@ impl Problem {
 }
 
 /// Multiply-adds of a backward step and of an update, n³ times these; what is linear or quadratic in n is not counted.
-const BACKWARD: f64 = 2.5 + 1.0 / 6.0;
+const BACKWARD: f64 = 2.0;
 const UPDATE: f64 = 4.0 / 3.0;
 
 /// Multiplications and additions a second of a loop in registers, the fastest of some runs. Eight rows fill vectors of

@@ -23,7 +23,7 @@
 
 mod register;
 
-use super::{LinalgError, Mat, MatMut, head, tail, tail_mut};
+use super::{LinalgError, Mat, MatMut, axpy, head, tail, tail_mut};
 use crate::real::Real;
 use register::{Corner, Sign, Tile, accumulate, column, factor_corner, part, run, run_across, transposed};
 
@@ -356,6 +356,30 @@ impl<'a, T: Real> Tiles<'a, T> {
                 }
             },
         );
+    }
+
+    /// Becomes lᵀ l, both triangles, for a lower triangular l.
+    #[inline(always)]
+    pub fn square_of_lower(&mut self, l: &Tiles<'_, T>) {
+        Self::for_lower(
+            l,
+            l,
+            |row, _| (row, usize::MAX),
+            |i, j, lanes| {
+                for (to, &sum) in tail_mut(self.row_mut(i), j).iter_mut().zip(lanes) {
+                    *to = sum;
+                }
+            },
+        );
+        self.mirror_lower();
+    }
+
+    /// Row `i` ← row `i` − s · row `j`, which comes later.
+    #[inline(always)]
+    pub fn subtract_row(&mut self, i: usize, s: T, j: usize) {
+        let Some((first, second)) = self.data.split_at_mut_checked(j * self.groups) else { return };
+        let to = first.get_mut(i * self.groups..(i + 1) * self.groups).unwrap_or(&mut []);
+        axpy(to.as_flattened_mut(), -s, head(second, self.groups).as_flattened());
     }
 
     /// Its lower triangle becomes 1 + lᵀ b, for a lower triangular l.
