@@ -1,4 +1,12 @@
 //! The noise of motion and measurements as parameters that EM may learn, and what they start with.
+//!
+//! Data of a span much shorter than τ tell how fast coloured noise changes, σ²/τ, and not its level σ (H. Zhang,
+//! *Inconsistent estimation and asymptotically equal interpolations in model-based geostatistics*, J. Am. Stat. Assoc. 99
+//! (2004), theorem 1): a good receiver at rest, whose phases hardly change, would have all but no multipath. What stays
+//! the same for as long, near-field multipath and differences of the antennas' phase centres from direction to direction,
+//! is a millimetre and more: with calibrations of the type instead of the single antenna, coordinates differ by up to 4 mm
+//! horizontally and 10 mm vertically (Q. Baire et al., *Influence of different GPS receiver antenna calibration models on
+//! geodetic positioning*, GPS Solutions 18 (2014)). So σ of phases is not learned below [`LEVEL`].
 
 use super::tape::Tape;
 use crate::smooth::model::Parameter;
@@ -38,6 +46,9 @@ pub struct TimeConstants {
 const PER_GROUP: usize = 6;
 /// Parameters before those of the groups.
 const COMMON: usize = 5;
+
+/// Least σ of the multipath of phases, single differences at the zenith `[m]`.
+const LEVEL: f64 = 1e-3;
 
 /// Parts of the configured variance with which noise starts. The configured one overbounds, see the engine's notes on
 /// residuals of good receivers.
@@ -86,11 +97,11 @@ impl Noise {
         add("Doppler, part with the elevation".into(), "m/s", 0.5 * zenith[2], doppler, moves);
         for group in tape.groups() {
             let signal = format!("{}{}", group.constellation.letter(), group.band);
-            for (kind, [white, colour], bounds) in
-                [(Kind::Phase, start::PHASE, [1e-4, 1.0]), (Kind::Code, start::CODE, [1e-2, 1e2])]
+            for (kind, [white, colour], least, bounds) in
+                [(Kind::Phase, start::PHASE, LEVEL, [1e-4, 1.0]), (Kind::Code, start::CODE, 1e-2, [1e-2, 1e2])]
             {
                 let (v, name) = (zenith[kind as usize], kind.name());
-                add(format!("{name} {signal}, multipath"), "m", colour * v, bounds, coloured);
+                add(format!("{name} {signal}, multipath"), "m", colour * v, [least, bounds[1]], coloured);
                 add(format!("{name} {signal}, constant part"), "m", 0.5 * white * v, bounds, true);
                 add(format!("{name} {signal}, part with the elevation"), "m", 0.5 * white * v, bounds, true);
             }
