@@ -1,12 +1,12 @@
 //! The noise of motion and measurements as parameters that EM may learn, and what they start with.
 //!
-//! Data of a span much shorter than τ tell how fast coloured noise changes, σ²/τ, and not its level σ (H. Zhang,
-//! *Inconsistent estimation and asymptotically equal interpolations in model-based geostatistics*, J. Am. Stat. Assoc. 99
-//! (2004), theorem 1): a good receiver at rest, whose phases hardly change, would have all but no multipath. What stays
-//! the same for as long, near-field multipath and differences of the antennas' phase centres from direction to direction,
-//! is a millimetre and more: with calibrations of the type instead of the single antenna, coordinates differ by up to 4 mm
-//! horizontally and 10 mm vertically (Q. Baire et al., *Influence of different GPS receiver antenna calibration models on
-//! geodetic positioning*, GPS Solutions 18 (2014)). So σ of phases is not learned below [`LEVEL`].
+//! Data of a span no longer than τ tell how fast coloured noise changes, σ²/τ, and not its level σ (H. Zhang, *Inconsistent
+//! estimation and asymptotically equal interpolations in model-based geostatistics*, J. Am. Stat. Assoc. 99 (2004), on
+//! estimation in a bounded domain). By its likelihood, a good receiver at rest has next to no multipath within minutes, and
+//! its satellites are trusted as if their means were true. What stays the same for as long is a millimetre and more:
+//! near-field multipath, and differences of the antennas' phase centres from direction to direction (with calibrations of
+//! the type instead of the single antenna, coordinates differ by up to 4 mm horizontally and 10 mm vertically: Q. Baire et
+//! al., GPS Solutions 18 (2014), as quoted in Sensors 21 (2021) 4639). So σ of phases is not learned below [`LEVEL`].
 
 use super::tape::Tape;
 use crate::smooth::model::Parameter;
