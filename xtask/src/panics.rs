@@ -23,9 +23,10 @@ struct Place {
 }
 
 impl Place {
-    /// File below `core/src`, if it is there.
+    /// File below `core/src`, if it is there and not in the standard library's crate of that name, whose sources are below
+    /// `rustlib` where they are installed and `/rustc/HASH` where they are not.
     fn in_core(&self) -> Option<&str> {
-        self.file.rsplit_once("core/src/").map(|(_, file)| file).filter(|_| !self.file.contains("rustlib"))
+        self.file.rsplit_once("core/src/").map(|(_, file)| file).filter(|_| !self.file.contains("library/core/src/"))
     }
 }
 
@@ -128,6 +129,15 @@ mod tests {
         assert!(check(&BTreeSet::new()).is_ok());
         let error = check(&BTreeSet::from([place("/home/me/core/src/log/frame.rs")])).unwrap_err();
         assert!(error.to_string().ends_with("\n  core/src/log/frame.rs:7:9"), "{error}");
-        assert_eq!(place("/usr/lib/rustlib/src/rust/library/core/src/log/x.rs").in_core(), None);
+    }
+
+    /// Bug: without installed sources of the standard library its own core was taken for ours.
+    #[test]
+    fn the_core_of_the_standard_library_is_another() {
+        for file in
+            ["/usr/lib/rustlib/src/rust/library/core/src/slice/x.rs", "/rustc/59807/library/core/src/slice/x.rs"]
+        {
+            assert_eq!(place(file).in_core(), None);
+        }
     }
 }
