@@ -1,4 +1,4 @@
-//! Eigenvalues of a symmetric matrix by Jacobi rotations.
+//! Eigenvalues and eigenvectors of a symmetric matrix by Jacobi rotations.
 //!
 //! Cyclic Jacobi, Golub & Van Loan, *Matrix Computations*, 4th ed., sec. 8.5: for each pair p < q the rotation that makes
 //! a_pq zero,
@@ -20,6 +20,36 @@ const MAX_SWEEPS: usize = 40;
 ///
 /// Fails with [`LinalgError::NotFinite`] for numbers that are not finite, [`LinalgError::Shape`] for shapes.
 pub fn eigenvalues<T: Real>(a: &mut MatMut<'_, T>, values: &mut [T]) -> Result<(), LinalgError> {
+    sweep(a, values, |_, _, _, _| ())
+}
+
+/// A = Vᵀ Λ V: as [`eigenvalues`], and the eigenvectors, of length 1, into the rows of `vectors` (n × n), in the order of
+/// the values. Half as much work again.
+pub fn decompose<T: Real>(
+    a: &mut MatMut<'_, T>,
+    values: &mut [T],
+    vectors: &mut MatMut<'_, T>,
+) -> Result<(), LinalgError> {
+    let n = values.len();
+    if vectors.rows() != n || vectors.cols() != n {
+        return Err(LinalgError::Shape);
+    }
+    vectors.fill(T::ZERO);
+    for i in 0..n {
+        vectors.set(i, i, T::ONE);
+    }
+    sweep(a, values, |p, q, c, s| {
+        let (row_p, row_q) = vectors.two_rows_mut(p, q);
+        turn(row_p, row_q, c, s);
+    })
+}
+
+/// Sweeps of rotations until none is needed; calls `rotated` with p, q, c and s of each.
+fn sweep<T: Real>(
+    a: &mut MatMut<'_, T>,
+    values: &mut [T],
+    mut rotated: impl FnMut(usize, usize, T, T),
+) -> Result<(), LinalgError> {
     let n = values.len();
     if a.rows() != n || a.cols() != n {
         return Err(LinalgError::Shape);
@@ -28,13 +58,16 @@ pub fn eigenvalues<T: Real>(a: &mut MatMut<'_, T>, values: &mut [T]) -> Result<(
         return Err(LinalgError::NotFinite);
     }
     for _ in 0..MAX_SWEEPS {
-        let mut rotated = false;
+        let mut any = false;
         for p in 0..n {
             for q in p + 1..n {
-                rotated |= rotate(a, p, q)?;
+                if let Some((c, s)) = rotate(a, p, q)? {
+                    rotated(p, q, c, s);
+                    any = true;
+                }
             }
         }
-        if !rotated {
+        if !any {
             break;
         }
     }
@@ -44,11 +77,18 @@ pub fn eigenvalues<T: Real>(a: &mut MatMut<'_, T>, values: &mut [T]) -> Result<(
     Ok(())
 }
 
-/// Makes a_pq zero, p < q. Returns whether it was not, as far as matters.
-fn rotate<T: Real>(a: &mut MatMut<'_, T>, p: usize, q: usize) -> Result<bool, LinalgError> {
+/// (x, y) ← (c x − s y, s x + c y).
+fn turn<T: Real>(x: &mut [T], y: &mut [T], c: T, s: T) {
+    for (x, y) in x.iter_mut().zip(y) {
+        (*x, *y) = (c * *x - s * *y, s * *x + c * *y);
+    }
+}
+
+/// Makes a_pq zero, p < q. Returns c and s, or none if it was zero as far as matters.
+fn rotate<T: Real>(a: &mut MatMut<'_, T>, p: usize, q: usize) -> Result<Option<(T, T)>, LinalgError> {
     let (a_pp, a_pq, a_qq) = (a.at(p, p), a.at(p, q), a.at(q, q));
     if a_pq.abs() <= T::EPSILON * a_pp.abs().sqrt() * a_qq.abs().sqrt() {
-        return Ok(false);
+        return Ok(None);
     }
     let theta = (a_qq - a_pp) / (a_pq + a_pq);
     let size = T::ONE / (theta.abs() + (theta * theta + T::ONE).sqrt());
@@ -56,9 +96,7 @@ fn rotate<T: Real>(a: &mut MatMut<'_, T>, p: usize, q: usize) -> Result<bool, Li
     let c = T::ONE / (t * t + T::ONE).sqrt();
     let s = t * c;
     let (row_p, row_q) = a.two_rows_mut(p, q);
-    for (x, y) in row_p.iter_mut().zip(row_q) {
-        (*x, *y) = (c * *x - s * *y, s * *x + c * *y);
-    }
+    turn(row_p, row_q, c, s);
     for row in a.iter_mut() {
         let (_, x, later) = around_mut(row, p)?;
         let y = at_mut(later, q - p - 1)?;
@@ -69,7 +107,7 @@ fn rotate<T: Real>(a: &mut MatMut<'_, T>, p: usize, q: usize) -> Result<bool, Li
     a.set(q, q, a_qq + t * a_pq);
     a.set(p, q, T::ZERO);
     a.set(q, p, T::ZERO);
-    Ok(true)
+    Ok(Some((c, s)))
 }
 
 #[cfg(test)]
@@ -106,6 +144,29 @@ mod tests {
     }
 
     proptest! {
+        /// V A Vᵀ = Λ and V Vᵀ = 1, to some rounding errors of the largest value.
+        #[test]
+        fn vectors_make_the_matrix_diagonal((n, a) in spd::matrix(1..9usize)) {
+            let (mut spoilt, mut values, mut vectors) = (a.clone(), vec![0.0; n], vec![0.0; n * n]);
+            let mut view = MatMut::square(&mut vectors, n).unwrap();
+            decompose(&mut MatMut::square(&mut spoilt, n).unwrap(), &mut values, &mut view).unwrap();
+            let largest = values.iter().copied().fold(0.0, f64::max);
+            let v = |i: usize| &vectors[i * n..][..n];
+            for i in 0..n {
+                for j in 0..n {
+                    let one: f64 = v(i).iter().zip(v(j)).map(|(x, y)| x * y).sum();
+                    prop_assert!((one - f64::from(u8::from(i == j))).abs() < 1e-13);
+                    let form: f64 = (0..n).map(|k| v(i)[k] * (0..n).map(|l| a[k * n + l] * v(j)[l]).sum::<f64>()).sum();
+                    let expected = if i == j { values[i] } else { 0.0 };
+                    prop_assert!((form - expected).abs() < 1e-12 * largest, "{} {} {}", i, j, form - expected);
+                }
+            }
+            let mut large = [0.0; 100];
+            let wrong = &mut MatMut::square(&mut large, 10).unwrap();
+            let refused = decompose(&mut MatMut::square(&mut spoilt, n).unwrap(), &mut values, wrong);
+            prop_assert_eq!(refused, Err(LinalgError::Shape));
+        }
+
         /// Trace, determinant and Frobenius norm are those of the matrix, and nalgebra finds the same.
         #[test]
         fn invariants_are_kept((n, a) in spd::matrix(1..9usize)) {

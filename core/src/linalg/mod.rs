@@ -10,7 +10,7 @@
 //! | [`view`] | matrix views |
 //! | [`cholesky`] | A = L Lᵀ and its solves |
 //! | [`ldl`] | A = L D Lᵀ, and Q = Lᵀ D L as integer estimation wants it |
-//! | [`eigen`] | eigenvalues of a symmetric matrix |
+//! | [`eigen`] | eigenvalues and eigenvectors of a symmetric matrix |
 //! | [`triangular`] | forward and back substitution, inverse |
 //! | [`sequential`] | Kalman update by one scalar measurement, plain and Joseph |
 //! | [`block`] | Kalman update by several correlated measurements, whitening |
