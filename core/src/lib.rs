@@ -10,6 +10,7 @@
 //! |---|---|
 //! | [`real`], [`linalg`] | the scalar trait over `f32`/`f64`; in-place kernels on slices |
 //! | [`stats`] | normal and χ² distributions |
+//! | [`integrity`] | risk, protection levels, their status and their record |
 //! | [`gnss`] | time, satellites, signals, epochs, orbits, atmosphere, geodesy, [`gnss::solution::Solution`] |
 //! | [`log`] | the device log: framed, checksummed records (feature `log`) |
 //! | [`integer`] | decorrelation, bootstrapping, integer least squares, success rates, acceptance |
@@ -29,6 +30,7 @@
 pub mod filter;
 pub mod gnss;
 pub mod integer;
+pub mod integrity;
 pub mod linalg;
 #[cfg(feature = "log")]
 pub mod log;
