@@ -9,10 +9,12 @@
 //! | [`common_term`] | rows that share a free common term, made independent without differences |
 //! | [`linearize`] | Taylor, unscented, cubature, Gauss–Hermite over the nonlinear states |
 //! | [`update`] | the measurement update in three forms |
+//! | [`adaptive`] | measurement noise that follows the data: Sage–Husa, IAVAKF |
 //! | [`screen`] | observations that contradict the rest |
 //! | [`jump`], [`slip`] | how ambiguities jump, and how that is seen |
 //! | [`mixed_integer`] | both densities of any partially linear model: MI-EKF, MI-LRKF, recursive MILS |
 
+pub mod adaptive;
 pub mod common_term;
 pub mod gaussian;
 pub mod jump;
