@@ -49,6 +49,7 @@ pub mod partial;
 pub mod resolve;
 pub mod rounding;
 pub mod search;
+pub mod subset;
 pub mod success_rate;
 
 pub use error::IntegerError;

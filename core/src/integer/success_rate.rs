@@ -40,6 +40,12 @@ pub struct Probability {
 }
 
 impl Probability {
+    /// That both of two independent ones succeed.
+    pub fn and(self, other: Self) -> Self {
+        let failure = self.failure + other.failure - self.failure * other.failure;
+        Self { success: self.success * other.success, failure }
+    }
+
     /// From the logarithm of the success probability.
     fn from_log(log: f64) -> Self {
         Self { success: libm::exp(log), failure: -libm::expm1(log) }
