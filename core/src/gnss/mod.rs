@@ -4,6 +4,7 @@
 //! Frames are ECEF (WGS 84 / ITRF, metres) of the stated epoch unless a name says otherwise; angles are radians.
 
 pub mod atmosphere;
+pub mod baseline;
 pub mod ephemeris;
 pub mod epoch;
 pub mod geodesy;
