@@ -41,3 +41,29 @@ fn success_rates() {
 fn success_bounds() {
     passes("vectors/iavakf/success_rates.json");
 }
+
+/// Partial fixing, K factors, Stanford classes, β and R* (L. Wang et al. 2022).
+#[test]
+fn partial_fixing() {
+    passes("vectors/iavakf/par.json");
+}
+
+#[test]
+fn k_factors() {
+    passes("vectors/iavakf/k_factors.json");
+}
+
+#[test]
+fn stanford_classes() {
+    passes("vectors/iavakf/stanford.json");
+}
+
+#[test]
+fn forgetting() {
+    passes("vectors/iavakf/beta.json");
+}
+
+#[test]
+fn adaptive_noise() {
+    passes("vectors/iavakf/rstar_chain.json");
+}

@@ -369,3 +369,61 @@ pub mod success_rates {
         Ok(())
     }
 }
+
+/// Partial fixing by elevation, with and without help for the rest.
+pub mod subsets {
+    use super::*;
+    use surefix_core::integer::subset::{Options, SubsetWorkspace, resolve_subset};
+
+    /// As the file says: rates depend on the reduction, subsets where one is this close to P₀ are not compared.
+    const RATES: f64 = 0.02;
+    const UNDECIDED: f64 = 0.01;
+
+    /// Whether a file is of this kind.
+    pub fn recognises(root: &Value) -> bool {
+        first_case_has(root, "subset_noassist")
+    }
+
+    /// Runs all its cases.
+    pub fn run(source: &Source, report: &mut Report) {
+        run_cases(source, report, run_case);
+    }
+
+    fn run_case(id: &str, case: Inputs, report: &mut Report) -> Result<(), CaseError> {
+        let (a, elevations, p0) = (case.list("a")?, case.list("el")?, case.number("P0")?);
+        let (n, m) = (a.len(), elevations.len());
+        let q = case.square_of("Q", n)?;
+        let q = Mat::square(&q, n)?;
+        // Bands one after the other, satellites in the same order in each.
+        let of: Vec<u8> = (0..n).map(|i| (i % m) as u8).collect();
+        let mut order: Vec<u8> = (0..m as u8).collect();
+        order.sort_by(|&i, &j| elevations[usize::from(j)].total_cmp(&elevations[usize::from(i)]));
+        let rates = case.list_of("top_k_rates_oracle", m)?;
+        let decided = rates.iter().all(|rate| (rate - p0).abs() > UNDECIDED);
+        let mut workspace = Box::new(SubsetWorkspace::<f64, CAPACITY>::new());
+        for (assist, suffix) in [(false, "_noassist"), (true, "")] {
+            // The file knows no least number of satellites: one of its cases fixes two.
+            let options = Options { min_success: p0, min_satellites: 1, assist, ..Options::default() };
+            let subset = resolve_subset(&a, q, &of, &order, &options, &mut workspace)?;
+            let (indices, values, rate) = match &subset {
+                // Before help the file lists the chosen ones in the order of a.
+                Some(subset) => (subset.indices.to_vec(), subset.values.to_vec(), subset.success_rate.success),
+                None => (Vec::new(), Vec::new(), 0.0),
+            };
+            let key = |name: &str| format!("{name}{suffix}");
+            if decided {
+                report.compare(&format!("subset{suffix}"), id, &json!(indices), &case.0[&key("subset")], Some(0.0));
+                report.compare(&format!("integers{suffix}"), id, &json!(values), &case.0[&key("z")], Some(0.0));
+                report.compare(&format!("rate{suffix}"), id, &json!(rate), &case.0[&key("P")], Some(RATES));
+            }
+            if let Some(subset) = &subset {
+                let full = subset.full_success_rate.success;
+                report.compare("rate_of_all", id, &json!(full), &case.0["P_full"], Some(RATES));
+                if assist {
+                    compare(report, "ratio", id, subset.ratio, case.number("ratio")?, 1e-6);
+                }
+            }
+        }
+        Ok(())
+    }
+}

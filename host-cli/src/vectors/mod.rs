@@ -10,6 +10,7 @@ use serde_json::Value;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 
+pub mod adaptive;
 pub mod atmosphere;
 pub mod case;
 pub mod combinations;
@@ -18,6 +19,7 @@ pub mod data;
 pub mod expectation;
 pub mod inputs;
 pub mod integer;
+pub mod integrity;
 pub mod kalman;
 pub mod linear_smoother;
 pub mod mixed_integer;
@@ -52,6 +54,11 @@ const FORMATS: &[Format] = &[
     Format { recognises: integer::bootstrapping::recognises, run: integer::bootstrapping::run },
     Format { recognises: integer::success_bounds::recognises, run: integer::success_bounds::run },
     Format { recognises: integer::success_rates::recognises, run: integer::success_rates::run },
+    Format { recognises: integer::subsets::recognises, run: integer::subsets::run },
+    Format { recognises: integrity::factors::recognises, run: integrity::factors::run },
+    Format { recognises: integrity::stanford::recognises, run: integrity::stanford::run },
+    Format { recognises: adaptive::forgetting::recognises, run: adaptive::forgetting::run },
+    Format { recognises: adaptive::chain::recognises, run: adaptive::chain::run },
     Format { recognises: linear_smoother::recognises, run: linear_smoother::run },
     Format { recognises: expectation::recognises, run: expectation::run },
     Format { recognises: kalman::recognises, run: kalman::run },
