@@ -16,6 +16,7 @@ use surefix_core::gnss::epoch::{Epoch, Observation};
 use surefix_core::gnss::satellite::{Constellation, SatelliteId, SatelliteSet};
 use surefix_core::gnss::solution::{Quality, Reason, Solution};
 use surefix_core::gnss::time::GpsTime;
+use surefix_core::integrity::protection::{Levels, Status};
 use surefix_core::log::*;
 use surefix_core::model::virtual_bias::VirtualBiasParameters;
 
@@ -133,6 +134,19 @@ fn solution() -> Solution {
         satellites_used: set(["G01", "C63"]),
         satellites_rejected: set(["E05", "R24"]),
         satellites_slipped: set(["J10", "G32"]),
+        protection: None,
+        integrity: Status::Unmonitored,
+        base: None,
+    }
+}
+
+/// With protection levels, from a base that moves.
+fn bounded_solution() -> Solution {
+    Solution {
+        protection: Some(Levels { horizontal: 0.25, vertical: 1.0 / 3.0 }),
+        integrity: Status::Alert,
+        base: Some(Vector3::new(4.4, -5.5, 6.6)),
+        ..solution()
     }
 }
 
@@ -228,6 +242,7 @@ fn records() -> Vec<(&'static str, Vec<u8>)> {
         ("glonass", frame(&|out| write_ephemeris(&glonass(), out))),
         ("epoch", frame(&|out| write_epoch_part(Station::Base, epoch().view(), 0, out))),
         ("solution", frame(&|out| write_solution(&solution(), out))),
+        ("bounded_solution", frame(&|out| write_solution(&bounded_solution(), out))),
         ("event_end", frame(&|out| write_event(&Event::End, out))),
         ("event_reset", frame(&|out| write_event(&Event::Reset, out))),
         ("event_dropped", frame(&|out| write_event(&Event::Dropped(300), out))),
@@ -276,6 +291,7 @@ fn records_are_read_as_ever() {
         assert_eq!(observations[1].phase.map(f64::to_bits), Some((-0.0f64).to_bits()));
     });
     read("solution", &|record| assert!(matches!(record, Record::Solution(s) if s == solution())));
+    read("bounded_solution", &|record| assert!(matches!(record, Record::Solution(s) if s == bounded_solution())));
     for (name, event) in [
         ("event_end", Event::End),
         ("event_reset", Event::Reset),

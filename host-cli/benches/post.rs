@@ -23,6 +23,7 @@ fn post(criterion: &mut Criterion) {
         navigation: vec![drive.join("rover.nav.gz")],
         base_xyz: Some(vec![-2_430_697.699, -4_704_189.201, 3_544_329.103]),
         base_antenna: None,
+        moving_base: false,
     };
     let settings = Settings { bands: "G1 E1 C2".into(), ..Settings::default() };
     let output = tempfile::tempdir().unwrap();

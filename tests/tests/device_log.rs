@@ -24,6 +24,7 @@ fn files(directory: &Path, navigation: &str) -> Files {
         navigation: vec![file(navigation)],
         base_xyz: None,
         base_antenna: None,
+        moving_base: false,
     }
 }
 

@@ -102,6 +102,7 @@ fn a_real_drive_is_answered_alike() {
         navigation: vec![data.join("rover.nav.gz")],
         base_xyz: None,
         base_antenna: None,
+        moving_base: false,
     };
     let mut files = files.open().unwrap();
     let mut log = LogWriter::new(Vec::new());

@@ -46,6 +46,7 @@ fn run(case: &Case, directory: &Path, way: Way) -> Report {
         navigation: case.navigation.iter().map(file).collect(),
         base_xyz: Some(case.base_xyz.into()),
         base_antenna: None,
+        moving_base: false,
     };
     let mut settings = Settings { bands: case.bands.clone(), ..Settings::default() };
     match case.motion.as_deref() {

@@ -2,6 +2,7 @@
 
 use super::satellite::SatelliteSet;
 use super::time::GpsTime;
+use crate::integrity::protection::{Levels, Status};
 use nalgebra::{Matrix3, Vector3};
 
 /// How good a [`Solution`] is, best first.
@@ -88,6 +89,15 @@ pub struct Solution {
     pub satellites_rejected: SatelliteSet,
     /// Satellites on which a cycle slip was detected in this epoch.
     pub satellites_slipped: SatelliteSet,
+    /// How far the position may be off at the configured risk, from its antenna's true place; `None` where nothing bounds
+    /// it.
+    pub protection: Option<Levels>,
+    /// Whether that is within the alert limits.
+    pub integrity: Status,
+    /// Where a moving base was taken to be, antenna reference point, ECEF `[m]`: `position` minus this is the vector
+    /// between the antennas at the instant of the base epoch, its covariance that of the position. `None` for a base at
+    /// rest.
+    pub base: Option<Vector3<f64>>,
 }
 
 impl Solution {
@@ -109,6 +119,9 @@ impl Solution {
             satellites_used: SatelliteSet::EMPTY,
             satellites_rejected: SatelliteSet::EMPTY,
             satellites_slipped: SatelliteSet::EMPTY,
+            protection: None,
+            integrity: Status::Unmonitored,
+            base: None,
         }
     }
 }

@@ -13,6 +13,7 @@ use crate::gnss::solution::Solution;
 
 /// What an engine is told.
 #[derive(Clone, Copy, Debug)]
+#[allow(clippy::large_enum_variant)] // there is no heap to put the larger ones on
 pub enum Input<'a> {
     /// Start of a log, stations.
     Header(Header),

@@ -26,6 +26,7 @@
 //! | 8 | [`Config`]: settings of an engine, opaque here | [`write_config`] |
 //! | 9 | [`Measurements`] of an epoch, for a mixed-integer filter | [`write_measurements`] |
 //! | 10 | [`Estimate`]: the answer of a mixed-integer filter | [`write_estimate`] |
+//! | 11 | as 6, with protection levels or a moving base | [`write_solution`] |
 //!
 //! ## Exactness
 //! Every number comes back bit for bit. An observable that is a whole number of thousandths, as all in RINEX are, is

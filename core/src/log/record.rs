@@ -7,7 +7,8 @@ use super::estimate::EstimateRecord;
 use super::frame::FrameError;
 use super::measurements::Measurements;
 use super::wire::{
-    self, WireEpochHead, WireEvent, WireGlonass, WireHeader, WireIonosphere, WireKepler, WireObservation, WireSolution,
+    self, WireBounds, WireEpochHead, WireEvent, WireGlonass, WireHeader, WireIonosphere, WireKepler, WireObservation,
+    WireSolution,
 };
 use crate::gnss::atmosphere::Klobuchar;
 use crate::gnss::ephemeris::Ephemeris;
@@ -29,6 +30,7 @@ pub(super) mod kind {
     pub const CONFIG: u8 = 8;
     pub const MEASUREMENTS: u8 = 9;
     pub const ESTIMATE: u8 = 10;
+    pub const BOUNDED_SOLUTION: u8 = 11;
 }
 
 /// Whose observations.
@@ -227,6 +229,10 @@ impl<'a> Record<'a> {
             kind::SOLUTION => {
                 let wire: WireSolution = whole(payload)?;
                 wire.solution().map(Self::Solution).ok_or(FrameError::Payload)
+            }
+            kind::BOUNDED_SOLUTION => {
+                let (wire, bounds): (WireSolution, WireBounds) = whole(payload)?;
+                wire.solution().and_then(|s| bounds.complete(s)).map(Self::Solution).ok_or(FrameError::Payload)
             }
             kind::EVENT => {
                 let wire: WireEvent = whole(payload)?;

@@ -15,6 +15,7 @@ use crate::gnss::satellite::{Constellation, SatelliteId, SatelliteSet};
 use crate::gnss::signal::Signal;
 use crate::gnss::solution::{Quality, Reason, Solution};
 use crate::gnss::time::GpsTime;
+use crate::integrity::protection::{Levels, Status};
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -446,7 +447,46 @@ impl WireSolution {
             satellites_used: SatelliteSet::from_masks(self.used),
             satellites_rejected: SatelliteSet::from_masks(self.rejected),
             satellites_slipped: SatelliteSet::from_masks(self.slipped),
+            protection: None,
+            integrity: Status::Unmonitored,
+            base: None,
         })
+    }
+}
+
+/// What a bounded solution, or one with a moving base, has beside [`WireSolution`].
+#[derive(Serialize, Deserialize, Clone, Copy, Debug)]
+pub(super) struct WireBounds {
+    /// HPL, VPL.
+    protection: Option<[f64; 2]>,
+    /// 0 available, 1 alert, 2 unmonitored.
+    status: u8,
+    base: Option<[f64; 3]>,
+}
+
+impl WireBounds {
+    /// `None` if there is nothing of it.
+    pub fn new(s: &Solution) -> Option<Self> {
+        let status = match s.integrity {
+            Status::Available => 0,
+            Status::Alert => 1,
+            Status::Unmonitored => 2,
+        };
+        let protection = s.protection.map(|levels| [levels.horizontal, levels.vertical]);
+        let any = protection.is_some() || s.base.is_some() || status != 2;
+        any.then_some(Self { protection, status, base: s.base.map(Into::into) })
+    }
+
+    /// Completes a solution.
+    pub fn complete(&self, solution: Solution) -> Option<Solution> {
+        let integrity = match self.status {
+            0 => Status::Available,
+            1 => Status::Alert,
+            2 => Status::Unmonitored,
+            _ => return None,
+        };
+        let protection = self.protection.map(|[horizontal, vertical]| Levels { horizontal, vertical });
+        Some(Solution { protection, integrity, base: self.base.map(Vector3::from), ..solution })
     }
 }
 

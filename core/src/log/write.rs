@@ -5,8 +5,8 @@
 use super::frame::{WriteError, seal};
 use super::record::{Event, Header, Ionosphere, Station, kind};
 use super::wire::{
-    WireEpochHead, WireEvent, WireGlonass, WireHeader, WireIonosphere, WireKepler, WireObservation, WireSolution,
-    station_code,
+    WireBounds, WireEpochHead, WireEvent, WireGlonass, WireHeader, WireIonosphere, WireKepler, WireObservation,
+    WireSolution, station_code,
 };
 use crate::gnss::ephemeris::Ephemeris;
 use crate::gnss::epoch::{EpochView, Observation};
@@ -36,7 +36,11 @@ pub fn write_ephemeris(ephemeris: &Ephemeris, out: &mut [u8]) -> Result<usize, W
 
 /// Writes a solution.
 pub fn write_solution(solution: &Solution, out: &mut [u8]) -> Result<usize, WriteError> {
-    seal(kind::SOLUTION, &WireSolution::new(solution), out)
+    let wire = WireSolution::new(solution);
+    match WireBounds::new(solution) {
+        Some(bounds) => seal(kind::BOUNDED_SOLUTION, &(wire, bounds), out),
+        None => seal(kind::SOLUTION, &wire, out),
+    }
 }
 
 /// Writes an event.

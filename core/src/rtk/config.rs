@@ -1,10 +1,12 @@
 //! What an [`RtkFilter`](super::RtkFilter) can be told. The defaults are meant to be right for every case; only the
 //! band plan has to follow the receivers.
 
+use crate::filter::adaptive::forgetting::Forgetting;
 use crate::filter::linearize::Rule;
 use crate::filter::mixed_integer::{Detector, Output};
 use crate::filter::update::Form;
 use crate::gnss::satellite::Constellation;
+use crate::integrity;
 use crate::model::motion::Motion;
 use crate::model::noise::Noise;
 
@@ -177,6 +179,50 @@ impl Default for Estimation {
     }
 }
 
+/// For what a ratio of variances is learned.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
+pub enum Scope {
+    /// For each signal of each satellite.
+    #[default]
+    Channel,
+    /// For all codes, and for all phases.
+    Type,
+}
+
+/// Measurement noise that follows the data ([`crate::filter::adaptive`]).
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default, deny_unknown_fields))]
+pub struct Adaptation {
+    /// Whether it does.
+    pub enabled: bool,
+    /// For what ratios are learned.
+    pub scope: Scope,
+    /// How fast.
+    pub forgetting: Forgetting,
+    /// Least and largest ratio of a variance to the configured one.
+    pub bounds: [f64; 2],
+    /// Epochs before what was learned is used.
+    pub warm_up: u32,
+}
+
+impl Adaptation {
+    /// The default, for a `static`: off; by channel, Sage–Husa with b = 0.97, never below what is configured.
+    pub const DEFAULT: Self = Self {
+        enabled: false,
+        scope: Scope::Channel,
+        forgetting: Forgetting::SageHusa { b: 0.97 },
+        bounds: [1.0, 400.0],
+        warm_up: 30,
+    };
+}
+
+impl Default for Adaptation {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}
+
 /// Configuration of an [`RtkFilter`](super::RtkFilter).
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default, deny_unknown_fields))]
@@ -209,6 +255,12 @@ pub struct RtkConfig {
     pub screening: Screening,
     /// Linearisation, slip detector, constrained density.
     pub estimation: Estimation,
+    /// Whether the base moves: then it is where its own single point says, and the answer is the vector from it.
+    pub moving_base: bool,
+    /// Measurement noise that follows the data.
+    pub adaptation: Adaptation,
+    /// Risk, rule and alert limits of protection levels.
+    pub integrity: integrity::protection::Config,
 }
 
 impl RtkConfig {
@@ -228,6 +280,9 @@ impl RtkConfig {
         acceptance: Acceptance::DEFAULT,
         screening: Screening::DEFAULT,
         estimation: Estimation::DEFAULT,
+        moving_base: false,
+        adaptation: Adaptation::DEFAULT,
+        integrity: integrity::protection::Config::DEFAULT,
     };
 }
 

@@ -43,6 +43,11 @@ impl Constrained {
         }
     }
 
+    /// Moves with a base that was found elsewhere.
+    pub fn shift(&mut self, by: Vector3<f64>) {
+        self.position += by;
+    }
+
     /// Forgets what was constrained.
     pub fn end(&mut self) {
         self.density.clear();

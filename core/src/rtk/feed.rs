@@ -11,7 +11,7 @@ use crate::log::{Event, Header, Input, Station};
 use nalgebra::Vector3;
 
 /// Schema number of an [`RtkConfig`] in a device log.
-pub const CONFIG_SCHEMA: u16 = 2;
+pub const CONFIG_SCHEMA: u16 = 3;
 
 impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
     /// Takes one record of a device log. A rover epoch is answered by a solution.
@@ -50,15 +50,17 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
             let marker = Vector3::from(marker);
             marker + above_marker(&marker, &header.base_antenna)
         });
-        if self.base_position != base_position {
+        // A base that moves says itself where it is.
+        if !self.config.moving_base && self.base_position != base_position {
             self.base_position = base_position;
             self.start_afresh();
         }
     }
 
-    /// The solution of the rover's antenna reference point, brought down to the marker.
+    /// The solution of the rover's antenna reference point, brought down to the marker; a vector from a moving base is one
+    /// between antennas.
     fn at_marker(&self, mut solution: Solution) -> Solution {
-        if solution.quality < Quality::None {
+        if solution.quality < Quality::None && solution.base.is_none() {
             solution.position = self.marker(solution.position);
         }
         solution

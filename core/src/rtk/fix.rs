@@ -163,6 +163,9 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
             *variance *= factor;
         }
         let success_rate = integer::success_rate::bootstrapped(&work.residual[..m]).success;
+        if first {
+            self.adaptive.success = resolution.success_rate.success;
+        }
         if first || success_rate > solution.success_rate {
             solution.ratio = resolution.ratio;
             solution.success_rate = success_rate;

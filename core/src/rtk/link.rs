@@ -59,6 +59,8 @@ pub(super) struct Link {
     pub code_variance: f64,
     /// The same before correlation with codes before and what was learned of its receiver.
     pub single_code_variance: f64,
+    /// Likewise of the phase.
+    pub single_phase_variance: f64,
     /// Phase residual `[m]`, whole cycles included.
     pub phase: Option<f64>,
     pub phase_variance: f64,

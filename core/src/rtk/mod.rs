@@ -15,6 +15,7 @@
 //! * `channel`: which ambiguity sits where; exact change of reference.
 //! * `track`: births, deaths, slips, outliers.
 //! * `fix`: integers and the constrained density.
+//! * `moving_base`: a base that moves. `adaptation`: noise that follows the data. `monitor`: protection levels.
 //! * [`evidence`]: the measurements of an epoch as they were used, to be used again.
 //!
 //! Frames: ECEF; metres, metres per second; ambiguities in cycles, reference minus satellite.
@@ -23,6 +24,7 @@
 //! search. All state and workspace is inside [`RtkFilter`], which suits a `static`; the stack holds at most one word per
 //! signal of its capacity.
 
+mod adaptation;
 mod channel;
 pub mod config;
 mod constrained;
@@ -31,6 +33,8 @@ pub mod evidence;
 pub mod feed;
 mod fix;
 mod link;
+mod monitor;
+mod moving_base;
 pub mod preset;
 mod range;
 mod rows;
@@ -45,6 +49,7 @@ pub use config::RtkConfig;
 use crate::filter::common_term::CommonTerm;
 use crate::filter::gaussian::{Gaussian, UpdateWork};
 use crate::filter::screen::Row;
+use crate::filter::update::Gauge;
 use crate::gnss::atmosphere::Klobuchar;
 use crate::gnss::ephemeris::Ephemeris;
 use crate::gnss::epoch::{EpochView, Observation};
@@ -55,10 +60,13 @@ use crate::gnss::solution::{Quality, Reason, Solution};
 use crate::gnss::time::GpsTime;
 use crate::spp::rows::Rows;
 use crate::spp::{self, SinglePoint, single_point};
+use adaptation::Adaptive;
 use channel::{Channels, GROUPS};
 use constrained::Constrained;
 use heapless::Vec;
 use link::{Carrier, Link, Sight, Station, select};
+use monitor::Monitor;
+use moving_base::BaseMotion;
 use nalgebra::{Matrix3, Vector3};
 use rows::KinematicRow;
 
@@ -102,6 +110,10 @@ pub struct RtkFilter<const C: usize, const N: usize, const E: usize> {
     config: RtkConfig,
     /// Antenna reference point of the base.
     base_position: Option<Vector3<f64>>,
+    /// Motion of a moving base, as of its latest epoch.
+    base_motion: Option<BaseMotion>,
+    /// Base epoch that the relaxed density refers to.
+    base_used: Option<GpsTime>,
     /// Antenna reference point of the rover above its marker: up, east, north.
     #[cfg(feature = "log")]
     rover_antenna: [f64; 3],
@@ -135,6 +147,9 @@ pub struct RtkFilter<const C: usize, const N: usize, const E: usize> {
     codes: Vec<track::CodeUse, C>,
     /// Since when the codes put the rover elsewhere.
     contradicted_since: Option<GpsTime>,
+    monitor: Monitor,
+    /// Noise that was learned.
+    adaptive: Adaptive<C>,
 }
 
 impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
@@ -147,6 +162,8 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
         Self {
             config,
             base_position,
+            base_motion: None,
+            base_used: None,
             #[cfg(feature = "log")]
             rover_antenna: [0.0; 3],
             ionosphere: None,
@@ -171,6 +188,8 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
             phase_factor: track::VarianceFactor::NOMINAL,
             codes: Vec::new(),
             contradicted_since: None,
+            monitor: Monitor::new(),
+            adaptive: Adaptive::new(),
         }
     }
 
@@ -216,11 +235,20 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
         }
         self.base.time = Some(epoch.time);
         self.base.used = false;
+        if self.config.moving_base {
+            self.locate_base(epoch);
+        }
         true
     }
 
     /// Takes an epoch of the rover and answers.
     pub fn push_rover(&mut self, epoch: EpochView<'_>) -> Solution {
+        let mut solution = self.answer(epoch);
+        self.monitor.bound(&self.config.integrity, &mut solution);
+        solution
+    }
+
+    fn answer(&mut self, epoch: EpochView<'_>) -> Solution {
         if self.latest.is_some_and(|latest| epoch.time <= latest) {
             return Solution::none(epoch.time, Reason::OutOfOrder);
         }
@@ -228,9 +256,10 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
         select(epoch.observations, &self.config.bands, &self.attributes[0], &mut self.observations);
         self.note_slips();
 
-        let single = self.single_point(epoch);
+        let single = self.single_point_of(epoch, self.time.map(|_| self.position));
         let single = single.as_ref();
-        let age = self.base_position.and(self.base.time).map(|time| epoch.time.since(time));
+        let located = self.base_position.filter(|_| !self.config.moving_base || self.base_motion.is_some());
+        let age = located.and(self.base.time).map(|time| epoch.time.since(time));
         let unusable = match age {
             None => Some(Reason::NoBase),
             Some(age) if libm::fabs(age) > self.config.max_age => Some(Reason::BaseTooOld),
@@ -257,15 +286,22 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
         }
         self.track(epoch.time, &mut solution);
         self.screen_doppler();
-        let updated = self.update();
+        let mut updated = self.update();
         self.absorb_position();
         self.time = Some(epoch.time);
-        if !updated || !self.is_sound(single) {
+        self.base_used = self.base.time;
+        if !self.is_sound(single) {
+            updated = None;
+        }
+        if updated.is_none() {
             self.restart();
             return code_solution(epoch.time, single, Reason::Restarted);
         }
+        self.adapt(epoch.time);
         self.settle(epoch.time, &mut solution);
+        self.monitor.note(updated, solution.position_covariance);
         self.fix(&mut solution);
+        self.report_vector(&mut solution, single);
         solution
     }
 
@@ -285,6 +321,8 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
         self.codes.clear();
         self.contradicted_since = None;
         self.constrained.end();
+        self.monitor.clear();
+        self.adaptive.clear();
     }
 
     /// Without enough satellites the motion model alone would carry the position: let the next epoch start it anew.
@@ -295,15 +333,14 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
         }
     }
 
-    /// The position by code alone.
-    fn single_point(&mut self, epoch: EpochView<'_>) -> Option<SinglePoint> {
+    /// The position by code alone, of rover or base, sought from `start` on.
+    fn single_point_of(&mut self, epoch: EpochView<'_>, start: Option<Vector3<f64>>) -> Option<SinglePoint> {
         let mut config = spp::Config { elevation_mask: self.config.elevation_mask, ..spp::Config::DEFAULT };
         for constellation in Constellation::ALL {
             if let Some(band) = self.config.bands.bands(constellation).next() {
                 config.bands[constellation.index()] = band;
             }
         }
-        let start = self.time.map(|_| self.position);
         single_point(epoch, &self.ephemerides, self.ionosphere, &config, start, &mut self.spp_rows).ok()
     }
 
@@ -318,6 +355,7 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
                 self.density.propagate(motion.order(), &transition, &[noise; 3]);
                 self.constrained.propagate(motion.order(), &transition, &noise);
                 self.absorb_position();
+                self.follow_base(h);
                 // Noisy phases drift more as well: multipath and foliage.
                 let sigma_stay = self.config.screening.sigma_stay;
                 let stay = sigma_stay * sigma_stay * h * self.phase_factor.above(track::USUAL_PHASE);
@@ -421,9 +459,18 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
             let of =
                 |observation: &Observation, noise: &crate::model::noise::Noise| noise.variance(sine, observation.cn0);
             let computed = rover_sight.computed - base_sight.computed;
-            let doppler = rover.doppler.map(|d| -wavelength * d - rover_sight.computed_rate).filter(|x| x.is_finite());
+            let rate = match self.base_motion {
+                None => rover.doppler.map(|d| -wavelength * d - rover_sight.computed_rate),
+                Some(motion) => rover.doppler.zip(base.doppler).map(|(r, b)| {
+                    let computed = rover_sight.computed_rate - base_sight.computed_rate;
+                    let carried = (rover_sight.direction - base_sight.direction).dot(&motion.velocity);
+                    -wavelength * (r - b) - computed + carried
+                }),
+            };
+            let rates = if self.base_motion.is_some() { 2.0 } else { 1.0 };
             let carrier = rover.phase.zip(rover.doppler);
             let code_variance = fdma * (of(rover, &self.config.code) + of(base, &self.config.code)) + common;
+            let phase_variance = of(rover, &self.config.phase) + of(base, &self.config.phase) + common;
             let link = Link {
                 satellite: id,
                 slot,
@@ -440,9 +487,10 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
                     .zip(base.phase)
                     .map(|(r, b)| wavelength * (r - b) - computed)
                     .filter(|x| libm::fabs(*x) < MAX_PHASE),
-                phase_variance: of(rover, &self.config.phase) + of(base, &self.config.phase) + common,
-                doppler,
-                doppler_variance: self.config.doppler * self.config.doppler / (sine * sine),
+                phase_variance,
+                single_phase_variance: phase_variance,
+                doppler: rate.filter(|x| x.is_finite()),
+                doppler_variance: rates * self.config.doppler * self.config.doppler / (sine * sine),
                 clocks: [rover_clock, base_clock],
                 carrier: carrier.map(|(phase, d)| Carrier { phase: wavelength * phase, rate: -wavelength * d }),
                 loss_of_lock: rover.loss_of_lock || base.loss_of_lock,
@@ -463,14 +511,15 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
             let _ = self.links.push(link);
         }
         drop_misplaced(&mut self.links);
+        self.adaptive.apply(&self.config.adaptation, &mut self.links);
         let covariance = Matrix3::from_fn(|i, j| self.density.covariance(i, j));
         range::relinearize(&mut self.links, self.config.estimation.rule, &covariance);
         // The best first: the first row of a group defines its common term.
         self.links.sort_unstable_by(|a, b| b.sin_elevation.total_cmp(&a.sin_elevation).then(a.slot.cmp(&b.slot)));
     }
 
-    /// Updates the relaxed density with all that was not rejected: Doppler, phase, code. False if it cannot take them.
-    fn update(&mut self) -> bool {
+    /// Updates the relaxed density with all that was not rejected: Doppler, phase, code. None if it cannot take them.
+    fn update(&mut self) -> Option<Gauge<f64>> {
         let Self { density, common, links, channels, update_work, config, .. } = self;
         let (n, with_velocity) = (density.dim(), config.motion.order() > 1);
         let outcome = density.update(config.estimation.form, update_work, |stage, mean| {
@@ -496,7 +545,7 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
             }
             Ok(())
         });
-        outcome.is_ok()
+        outcome.ok()
     }
 
     /// Whether the density is still one, and agrees with the single point.

@@ -3,6 +3,7 @@
 use super::Outcome;
 use crate::compare::{Options, Truth, compare};
 use crate::read::solution;
+use anyhow::Context;
 use nalgebra::Vector3;
 use std::io::Write;
 use std::path::PathBuf;
@@ -18,6 +19,8 @@ use surefix_core::gnss::time::GpsTime;
 Examples:
   surefix compare rover.pos truth.csv
   surefix compare rover.csv receiver.csv --truth-quality 4
+  surefix compare rover.csv truth.csv --stanford pl --alert-limits 0.5 1
+  surefix compare front.csv vectors.csv --vectors
   surefix compare rover.pos --truth-llh 35.134699010 136.977575490 104.8626 --json
 
 Files, plain or .gz, told by their content:
@@ -62,6 +65,16 @@ pub struct Args {
     /// When the clock for the first fix starts, seconds of the GPS week (default: first epoch of the solution).
     #[arg(long, value_name = "TOW")]
     start: Option<f64>,
+    /// Compare vectors from a moving base with true ones (columns dx, dy, dz), as if both began at the first base position
+    /// of the solution.
+    #[arg(long, requires = "truth")]
+    vectors: bool,
+    /// Judge protection levels: write the Stanford diagram as NAME.svg and NAME.png with counts in NAME.csv.
+    #[arg(long, value_name = "NAME")]
+    stanford: Option<PathBuf>,
+    /// Horizontal and vertical alert limit, metres.
+    #[arg(long, num_args = 2, value_names = ["H", "V"], default_values_t = [1.0, 2.0])]
+    alert_limits: Vec<f64>,
     /// Print JSON instead of a table.
     #[arg(long)]
     json: bool,
@@ -70,11 +83,17 @@ pub struct Args {
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let base = vector(args.base_xyz.as_deref());
-    let solution = solution::read(&args.solution, &solution::Options { base, week: args.week, ..Default::default() })?;
+    let vectors_from = if args.vectors { Some(solution::first_base(&args.solution)?) } else { None };
+    let options = solution::Options { base, week: args.week, vectors_from, ..Default::default() };
+    let solution = solution::read(&args.solution, &options)?;
     let near = solution.start;
+    let alert_limits = <[f64; 2]>::try_from(args.alert_limits.as_slice())?;
+    if !alert_limits.iter().all(|limit| *limit > 0.0) {
+        anyhow::bail!("--alert-limits: an alert limit is a distance; give two numbers above 0, metres");
+    }
     let truth = if let Some(path) = &args.truth {
         let only_quality = args.truth_quality.clone();
-        Truth::Track(solution::read(path, &solution::Options { base, week: args.week, near, only_quality })?)
+        Truth::Track(solution::read(path, &solution::Options { near, only_quality, ..options })?)
     } else if let Some(position) = vector(args.truth_xyz.as_deref()) {
         Truth::Fixed(position)
     } else if let Some(llh) = vector(args.truth_llh.as_deref()) {
@@ -88,9 +107,20 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         interpolate: args.interpolate,
         wrong_threshold: args.wrong_threshold,
         epochs: args.epochs,
+        alert_limits: args.stanford.as_ref().map(|_| alert_limits),
         start: args.start.zip(near).map(|(tow, near)| GpsTime::from_week_tow(near.week(), tow)),
     };
     let report = compare(&solution, &truth, &options);
+    if let Some(path) = &args.stanford {
+        let stanford = report.stanford.as_ref().context(
+            "--stanford: the solution has no protection levels at epochs with a truth; give a .csv of surefix post",
+        )?;
+        let name = path.file_name().and_then(|name| name.to_str()).context("--stanford: give a name for the files")?;
+        let directory = path.parent().filter(|parent| !parent.as_os_str().is_empty());
+        for file in stanford.write(directory.unwrap_or(std::path::Path::new(".")), name)? {
+            eprintln!("wrote {}", file.display());
+        }
+    }
     let mut out = std::io::stdout().lock();
     if args.json {
         serde_json::to_writer_pretty(&mut out, &report)?;

@@ -51,6 +51,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         navigation: vec![simulated.navigation],
         base_xyz: Some(simulation.base_position.iter().copied().collect()),
         base_antenna: None,
+        moving_base: false,
     };
     let settings = Settings { bands: "G15 E15".into(), ..Settings::default() };
     let (summary, paths) = post::process(&files, &settings, false, &args.output, true)?;

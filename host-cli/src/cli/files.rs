@@ -32,6 +32,9 @@ pub struct Files {
     /// Give 0 0 0 if the coordinate is that of the antenna
     #[arg(long, num_args = 3, value_names = ["UP", "EAST", "NORTH"], allow_negative_numbers = true)]
     pub base_antenna: Option<Vec<f64>>,
+    /// The base moves: where it is, its own observations say, and results are vectors from it between the antennas
+    #[arg(long, conflicts_with = "base_xyz")]
+    pub moving_base: bool,
 }
 
 /// Files that were opened, their headers read.
@@ -58,10 +61,14 @@ impl Files {
             navigation.merge(NavigationData::open(path)?);
         }
         let mut warnings = Vec::new();
-        let base_position = self.base_position(base.header().approximate_position, &mut warnings)?;
+        let base_position = if self.moving_base {
+            None
+        } else {
+            Some(self.base_position(base.header().approximate_position, &mut warnings)?)
+        };
         let base_antenna = self.base_antenna.as_ref().map(|offset| offset.as_slice().try_into()).transpose()?;
         let header = Header {
-            base_position: Some(base_position),
+            base_position,
             base_antenna: base_antenna.unwrap_or(base.header().antenna_delta_hen),
             rover_antenna: rover.header().antenna_delta_hen,
         };

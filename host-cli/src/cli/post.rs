@@ -28,6 +28,7 @@ Examples:
   surefix post rover.rnx.gz base.crx.gz brdc.rnx.gz --bands \"G12 E15\" -o out
   surefix post rover.obs base.obs base.nav --smooth --em -o out     # from all epochs, with noise learned from them
   surefix replay drive.sfl -r out --smooth --em                     # the same of a device log
+  surefix post front.obs rear.obs base.nav --moving-base -o out       # vectors from rear to front, heading, pitch
   surefix post --print-config > settings.toml")]
 pub struct Args {
     #[command(flatten)]
@@ -56,6 +57,12 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let files = args.files.as_ref().context("give the files ROVER BASE NAV…")?;
     let mut settings = args.engine.settings()?;
     args.smoothing.apply(&mut settings);
+    settings.moving_base |= files.moving_base;
+    if settings.moving_base && args.smoothing.smooth {
+        anyhow::bail!(
+            "--smooth needs a base at rest: a moving base's vectors are not smoothed; leave out one of the two"
+        );
+    }
     let (summary, paths) = process(files, &settings, args.smoothing.smooth, &args.output, args.velocity)?;
     println!("{}", results::report(&summary));
     println!("wrote {}", paths.iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join(", "));

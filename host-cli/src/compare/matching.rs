@@ -59,6 +59,7 @@ mod tests {
             covariance: None,
             velocity: None,
             quality: Quality::Fixed,
+            protection: None,
         };
         let truth = Truth::Track(Track {
             points: vec![point(1.0, 10.0), point(2.0, 20.0), point(9.0, 90.0)],

@@ -5,6 +5,7 @@
 //! [`Quality::Partial`]; a fixed epoch is *wrong* if its 3-D error exceeds a threshold (10 cm).
 
 mod matching;
+pub mod stanford;
 mod statistics;
 mod table;
 
@@ -17,6 +18,7 @@ use surefix_core::gnss::solution::Quality;
 use surefix_core::gnss::time::GpsTime;
 
 pub use matching::Truth;
+pub use stanford::Stanford;
 pub use statistics::{Enu, Errors, Normalized, Percentiles};
 
 /// How to compare.
@@ -33,11 +35,13 @@ pub struct Options {
     pub epochs: Option<usize>,
     /// Start of the clock for the first fix; the first epoch of the solution file if not given.
     pub start: Option<GpsTime>,
+    /// Horizontal and vertical alert limit, to judge protection levels `[m]`.
+    pub alert_limits: Option<[f64; 2]>,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { tolerance: 0.05, interpolate: 0.0, wrong_threshold: 0.1, epochs: None, start: None }
+        Self { tolerance: 0.05, interpolate: 0.0, wrong_threshold: 0.1, epochs: None, start: None, alert_limits: None }
     }
 }
 
@@ -52,6 +56,8 @@ pub(crate) struct Sample {
     pub error: Vector3<f64>,
     /// What the solution says of it, in the same frame `[m²]`.
     pub covariance: Option<Matrix3<f64>>,
+    /// HPL and VPL `[m]`.
+    pub protection: Option<[f64; 2]>,
 }
 
 impl Sample {
@@ -95,6 +101,8 @@ pub struct Report {
     pub fixed_normalized: Option<Normalized>,
     /// Errors over their own standard deviations, all epochs.
     pub all_normalized: Option<Normalized>,
+    /// Errors against protection levels, if alert limits were given.
+    pub stanford: Option<Stanford>,
     /// Pauses longer than one and a half usual intervals.
     pub gaps: Gaps,
     /// Rows of the two files that could not be read.
@@ -152,6 +160,7 @@ pub fn compare(solution: &Track, truth: &Truth, options: &Options) -> Report {
         all: Errors::of(&samples),
         fixed_normalized: Normalized::of(&fixed),
         all_normalized: Normalized::of(&samples),
+        stanford: options.alert_limits.and_then(|limits| Stanford::of(&samples, limits)),
         gaps: Gaps::of(solution),
         unreadable: [solution.unreadable, truth.unreadable()],
     }
@@ -170,6 +179,7 @@ fn samples(solution: &Track, truth: &Truth, options: &Options) -> Vec<Sample> {
                 quality: point.quality,
                 error: here.ecef_to_enu(&(point.position - reference)),
                 covariance: point.covariance.map(|covariance| here.covariance_to_enu(&covariance)),
+                protection: point.protection,
             })
         })
         .collect()
@@ -200,6 +210,7 @@ mod tests {
             covariance: Some(Matrix3::from_diagonal(&Vector3::new(0.0004, 0.0001, 0.0001))), // σ u 2 cm, e and n 1 cm
             velocity: None,
             quality,
+            protection: None,
         }
     }
 

@@ -161,7 +161,13 @@ mod tests {
     use surefix_core::gnss::solution::Quality;
 
     fn sample(error: [f64; 3], covariance: Option<Matrix3<f64>>) -> Sample {
-        Sample { time: GpsTime::from_week_tow(2000, 5.0), quality: Quality::Fixed, error: error.into(), covariance }
+        Sample {
+            time: GpsTime::from_week_tow(2000, 5.0),
+            quality: Quality::Fixed,
+            error: error.into(),
+            covariance,
+            protection: None,
+        }
     }
 
     #[test]

@@ -49,6 +49,10 @@ impl fmt::Display for Report {
                 row(f, name, errors)?;
             }
         }
+        if let Some(stanford) = &self.stanford {
+            writeln!(f)?;
+            stanford.rows().iter().try_for_each(|row| writeln!(f, "{row}"))?;
+        }
         if self.all_normalized.is_none() {
             return Ok(());
         }

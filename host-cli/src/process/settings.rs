@@ -9,9 +9,10 @@ use crate::smooth::rtk::noise::TimeConstants;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use surefix_core::gnss::satellite::Constellation;
+use surefix_core::integrity::protection;
 use surefix_core::model::motion::Motion;
 use surefix_core::rtk::RtkConfig;
-use surefix_core::rtk::config::{BandPlan, Estimation, MAX_BANDS};
+use surefix_core::rtk::config::{Adaptation, BandPlan, Estimation, MAX_BANDS};
 
 /// Settings of a run, in the units of their names.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -41,6 +42,12 @@ pub struct Settings {
     pub phase_sigma_m: f64,
     /// Linearisation, slip detector and kind of fixed solution, for comparisons: the defaults are the best.
     pub estimation: Estimation,
+    /// The base moves, as `--moving-base` says: the answer is the vector from it.
+    pub moving_base: bool,
+    /// Measurement noise that follows the data.
+    pub adaptation: Adaptation,
+    /// Integrity risk, how it is divided, and alert limits `[m]`.
+    pub integrity: protection::Config,
     /// What `--smooth` does.
     pub smoothing: Smoothing,
 }
@@ -153,6 +160,9 @@ impl Default for Settings {
             code_sigma_m: zenith(config.code.constant, config.code.elevation),
             phase_sigma_m: zenith(config.phase.constant, config.phase.elevation),
             estimation: config.estimation,
+            moving_base: config.moving_base,
+            adaptation: config.adaptation,
+            integrity: config.integrity,
             smoothing: Smoothing::default(),
         }
     }
@@ -195,6 +205,12 @@ pub enum SettingsError {
         /// Which value, and what to write instead.
         cause: Box<SettingsError>,
     },
+    /// Risk or alert limits make no sense, or contradict each other.
+    #[error("integrity: {cause}")]
+    Integrity {
+        /// Which, why, and what to write instead.
+        cause: protection::ConfigError,
+    },
     /// A value makes no sense.
     #[error("{name} = {value}: {remedy}")]
     Value {
@@ -230,8 +246,12 @@ impl Settings {
             cn0_mask: self.cn0_mask_dbhz,
             max_age: positive("max_age_s", self.max_age_s)?,
             estimation: self.estimation,
+            moving_base: self.moving_base,
+            adaptation: sound(&self.adaptation)?,
+            integrity: self.integrity,
             ..RtkConfig::default()
         };
+        self.integrity.factors().map_err(|cause| SettingsError::Integrity { cause })?;
         let rate = self.fix_success_rate;
         config.acceptance.success_rate =
             check("fix_success_rate", rate, (0.0..1.0).contains(&rate), "give a probability from 0 to below 1")?;
@@ -247,6 +267,23 @@ impl Settings {
         }
         Ok(config)
     }
+}
+
+/// Adaptation whose numbers make sense together.
+fn sound(adaptation: &Adaptation) -> Result<Adaptation, SettingsError> {
+    let [low, high] = adaptation.bounds;
+    check(
+        "adaptation.bounds",
+        low,
+        low > 0.0 && low <= high && high.is_finite(),
+        "give two numbers above 0, the smaller first",
+    )?;
+    if adaptation.forgetting.is_sound() {
+        return Ok(*adaptation);
+    }
+    let value = format!("{:?}", adaptation.forgetting);
+    let remedy = "give b and threshold above 0 and below 1, and bounds from 0 to 1, the smaller first";
+    Err(SettingsError::Value { name: "adaptation.forgetting", value, remedy })
 }
 
 /// A band plan from its text: `L1`, `L1L2`, `L1L2L5`, or constellations with their RINEX bands (`G12 E15`).
@@ -332,6 +369,19 @@ mod tests {
         assert!(error.starts_with("smoothing.em_starts = 0: give pairs of factors from 0.001 to 1000"), "{error}");
         let error = toml::from_str::<Settings>("[smoothing]\ninteger_source = \"both\"").unwrap_err().to_string();
         for part in ["integer_source = \"both\"", "expected `filter` or `smoother`"] {
+            assert!(error.contains(part), "{part:?} is not in {error}");
+        }
+        for (text, part) in [
+            ("[integrity.allocation]\nrisk = 1.5", "integrity: the integrity risk is a probability"),
+            (
+                "[integrity.allocation]\nrisk = 1e-7\nwrong_fix = 1e-6",
+                "risk of wrong integers is a part of the integrity risk",
+            ),
+            ("[integrity]\nalert_limits = [0.0, 1.0]", "integrity: an alert limit is a distance"),
+            ("[adaptation]\nbounds = [9.0, 1.0]", "adaptation.bounds = 9: give two numbers above 0"),
+            ("[adaptation.forgetting.sage_husa]\nb = 1.0", "adaptation.forgetting = SageHusa { b: 1.0 }: give b"),
+        ] {
+            let error = toml::from_str::<Settings>(text).unwrap().config().unwrap_err().to_string();
             assert!(error.contains(part), "{part:?} is not in {error}");
         }
         assert!(Settings { fix_ratio: f64::NAN, ..Settings::default() }.config().is_err());

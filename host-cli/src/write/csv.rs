@@ -2,14 +2,17 @@
 //!
 //! Numbers are written with all their digits, so that reading them back gives the same `f64`. Lists of satellites are
 //! separated by spaces. Units are the end of a column's name. Epochs without a position are written too, with their
-//! reason.
+//! reason. Protection levels are empty where nothing bounds a position; vectors (`dx`… ECEF, `de`… at the base) and
+//! attitude are those of a moving base.
 
 use nalgebra::Matrix3;
 use serde::Serialize;
 use std::io::{self, Write};
+use surefix_core::gnss::baseline::Attitude;
 use surefix_core::gnss::geodesy::Geodetic;
 use surefix_core::gnss::satellite::SatelliteSet;
 use surefix_core::gnss::solution::{Quality, Reason, Solution};
+use surefix_core::integrity::protection::Status;
 
 /// Writes solutions as they come.
 pub struct CsvWriter<W: Write> {
@@ -86,6 +89,24 @@ struct Row {
     satellites_used: String,
     satellites_rejected: String,
     satellites_slipped: String,
+    hpl_m: Option<f64>,
+    vpl_m: Option<f64>,
+    integrity: Status,
+    base_x_m: Option<f64>,
+    base_y_m: Option<f64>,
+    base_z_m: Option<f64>,
+    dx_m: Option<f64>,
+    dy_m: Option<f64>,
+    dz_m: Option<f64>,
+    de_m: Option<f64>,
+    dn_m: Option<f64>,
+    du_m: Option<f64>,
+    length_m: Option<f64>,
+    sd_length_m: Option<f64>,
+    heading_deg: Option<f64>,
+    sd_heading_deg: Option<f64>,
+    pitch_deg: Option<f64>,
+    sd_pitch_deg: Option<f64>,
 }
 
 impl From<&Solution> for Row {
@@ -95,6 +116,12 @@ impl From<&Solution> for Row {
         let (p, pv) = (&s.position_covariance, &s.velocity_covariance);
         let (enu, venu) = (to_enu * p * to_enu.transpose(), to_enu * pv * to_enu.transpose());
         let v = to_enu * s.velocity;
+        let vector = s.base.map(|base| s.position - base);
+        // East, north, up of a vector are those of the place where it begins.
+        let at_base = s.base.map_or(to_enu, |base| Geodetic::from_ecef(&base).enu_rotation());
+        let local = vector.map(|vector| at_base * vector);
+        let attitude = local.and_then(|local| Attitude::of(&local, &(at_base * p * at_base.transpose())));
+        let sigma = |i: usize| attitude.map(|attitude| attitude.sigmas[i]);
         let deviation = |m: &Matrix3<f64>, i: usize| m[(i, i)].max(0.0).sqrt();
         Self {
             gps_week: s.time.week(),
@@ -143,6 +170,24 @@ impl From<&Solution> for Row {
             satellites_used: list(&s.satellites_used),
             satellites_rejected: list(&s.satellites_rejected),
             satellites_slipped: list(&s.satellites_slipped),
+            hpl_m: s.protection.map(|levels| levels.horizontal),
+            vpl_m: s.protection.map(|levels| levels.vertical),
+            integrity: s.integrity,
+            base_x_m: s.base.map(|base| base.x),
+            base_y_m: s.base.map(|base| base.y),
+            base_z_m: s.base.map(|base| base.z),
+            dx_m: vector.map(|vector| vector.x),
+            dy_m: vector.map(|vector| vector.y),
+            dz_m: vector.map(|vector| vector.z),
+            de_m: local.map(|local| local.x),
+            dn_m: local.map(|local| local.y),
+            du_m: local.map(|local| local.z),
+            length_m: attitude.map(|attitude| attitude.length),
+            sd_length_m: sigma(0),
+            heading_deg: attitude.map(|attitude| attitude.heading.to_degrees()),
+            sd_heading_deg: sigma(1).map(f64::to_degrees),
+            pitch_deg: attitude.map(|attitude| attitude.pitch.to_degrees()),
+            sd_pitch_deg: sigma(2).map(f64::to_degrees),
         }
     }
 }
@@ -157,6 +202,7 @@ mod tests {
     use super::*;
     use nalgebra::Vector3;
     use surefix_core::gnss::time::GpsTime;
+    use surefix_core::integrity::protection::Levels;
 
     #[test]
     fn an_error_of_the_sink_keeps_its_kind() {
@@ -187,6 +233,9 @@ mod tests {
         solution.satellites_used = ["G05", "E11"].map(|name| name.parse().unwrap()).into_iter().collect();
         solution.satellites_slipped = ["E11"].map(|name| name.parse().unwrap()).into_iter().collect();
         solution.age = 0.994;
+        solution.protection = Some(Levels { horizontal: 0.25, vertical: 0.5 });
+        solution.integrity = Status::Available;
+        solution.base = Some(solution.position - Vector3::new(0.0, 3.0, 4.0));
 
         let mut writer = CsvWriter::new(Vec::new());
         writer.push(&solution).unwrap();
@@ -205,6 +254,13 @@ mod tests {
         assert_eq!([cell(0, "satellites"), cell(0, "satellites_used")], ["2", "G05 E11"]);
         assert_eq!([cell(0, "satellites_slipped"), cell(0, "satellites_rejected")], ["E11", ""]);
         assert_eq!([cell(0, "latitude_deg"), cell(0, "age_s")], ["0.0", "0.994"]);
+        assert_eq!([cell(0, "hpl_m"), cell(0, "vpl_m"), cell(0, "integrity")], ["0.25", "0.5", "Available"]);
+        assert_eq!([cell(0, "dx_m"), cell(0, "dy_m"), cell(0, "dz_m")], ["0.0", "3.0", "4.0"]);
+        // 3 m east and 4 m north: 5 m, atan2(3, 4), up to the turn of the frame over these 5 m.
+        let value = |name: &str| cell(0, name).parse::<f64>().unwrap();
+        assert!((value("length_m") - 5.0).abs() < 1e-9 && (value("heading_deg") - 36.869_897_6).abs() < 1e-3);
+        assert!((value("de_m") - 3.0).abs() < 1e-5 && (value("dn_m") - 4.0).abs() < 1e-5);
+        assert_eq!([cell(1, "hpl_m"), cell(1, "integrity"), cell(1, "length_m")], ["", "Unmonitored", ""]);
         assert_eq!([cell(1, "quality"), cell(1, "reason"), cell(1, "height_m")], ["None", "NoBase", ""]);
     }
 }

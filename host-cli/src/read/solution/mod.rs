@@ -27,6 +27,8 @@ pub struct TrackPoint {
     pub velocity: Option<Vector3<f64>>,
     /// Grade; [`Quality::Fixed`] where the file has none.
     pub quality: Quality,
+    /// HPL and VPL `[m]`, where the file has them.
+    pub protection: Option<[f64; 2]>,
 }
 
 /// Positions in ascending order of time.
@@ -56,6 +58,7 @@ impl Track {
             covariance: Some(solution.position_covariance),
             velocity: Some(solution.velocity),
             quality: solution.quality,
+            protection: solution.protection.map(|levels| [levels.horizontal, levels.vertical]),
         });
         Self {
             points: points.collect(),
@@ -75,6 +78,8 @@ pub struct Options {
     pub week: Option<i32>,
     /// A time near the table's, from which the week is guessed if it is not given.
     pub near: Option<GpsTime>,
+    /// Takes vectors from a moving base for positions, placed at this point, ECEF `[m]`.
+    pub vectors_from: Option<Vector3<f64>>,
     /// Keeps only rows whose quality column reads like this (`4`, `Fixed`).
     pub only_quality: Option<String>,
 }
@@ -123,6 +128,18 @@ pub fn read(path: &Path, options: &Options) -> Result<Track, Error> {
     let file = path.display().to_string();
     let bytes = read_bytes(path).map_err(|source| Error::Open { file: file.clone(), source })?;
     parse(&file, &String::from_utf8_lossy(&bytes), options)
+}
+
+/// Where a moving base was in the first row of a table that has it: columns `base_x`, `base_y`, `base_z`, ECEF `[m]`.
+pub fn first_base(path: &Path) -> Result<Vector3<f64>, Error> {
+    let file = path.display().to_string();
+    let bytes = read_bytes(path).map_err(|source| Error::Open { file: file.clone(), source })?;
+    table::first_base(&String::from_utf8_lossy(&bytes)).ok_or(Error::Header {
+        file,
+        line: 1,
+        problem: "the table has no position of a moving base".into(),
+        remedy: "give the .csv of surefix post --moving-base",
+    })
 }
 
 /// Reads positions from a text that messages call `file`.

@@ -143,7 +143,7 @@ fn row<'a>(
     });
     let velocity = values(after + 10).map(|velocity| frame.transpose() * Vector3::from(velocity));
     let quality = quality(quality_text)?;
-    Some((TrackPoint { time, position, covariance, velocity, quality }, quality_text))
+    Some((TrackPoint { time, position, covariance, velocity, quality, protection: None }, quality_text))
 }
 
 /// Rotation from ECEF to the axes that deviations and velocities of the file are along: x, y, z; north, east, up; or

@@ -11,6 +11,8 @@
 //! | or geodetic `[deg]`, `[m]` | `lat`/`latitude`, `lon`/`longitude`, `alt`/`altitude`/`height` |
 //! | velocity (optional) | `vx`, `vy`, `vz` |
 //! | covariance, ECEF (optional) | `cov_xx`, `cov_xy`, `cov_xz`, `cov_yy`, `cov_yz`, `cov_zz` |
+//! | vector from a moving base, ECEF (if these are wanted) | `dx`, `dy`, `dz` |
+//! | protection levels (optional) | `hpl`, `vpl` |
 //! | quality (optional) | `quality` by name, `q` as RTKLIB, `gga_quality` as NMEA (4 fixed, 5 float) |
 //!
 //! A row whose quality is `None` counts as an epoch without a position.
@@ -35,6 +37,8 @@ struct Columns {
     diagonal: Option<[usize; 3]>,
     mixed: Option<[usize; 3]>,
     quality: Option<(usize, Grades)>,
+    vector: Option<[usize; 3]>,
+    protection: Option<[usize; 2]>,
 }
 
 /// What a quality column holds.
@@ -49,7 +53,7 @@ enum Grades {
 pub(super) fn parse(text: &str, options: &Options) -> Result<Track, HeaderProblem> {
     let mut reader = ::csv::ReaderBuilder::new().flexible(true).trim(::csv::Trim::All).from_reader(text.as_bytes());
     let header = reader.headers().map_err(|error| (1, error.to_string(), "give a comma-separated table"))?.clone();
-    let columns = Columns::find(&header)?;
+    let columns = Columns::find(&header, options)?;
     if columns.week.is_none() && options.week.is_none() && options.near.is_none() {
         return Err((1, "the table has no GPS week".into(), "give it (--week)"));
     }
@@ -65,8 +69,21 @@ pub(super) fn parse(text: &str, options: &Options) -> Result<Track, HeaderProble
     Ok(track)
 }
 
+/// The first base position of a table.
+pub(super) fn first_base(text: &str) -> Option<Vector3<f64>> {
+    let mut reader = ::csv::ReaderBuilder::new().flexible(true).trim(::csv::Trim::All).from_reader(text.as_bytes());
+    let names: Vec<String> = reader.headers().ok()?.iter().map(bare_name).collect();
+    let columns = ["base_x", "base_y", "base_z"].map(|wanted| names.iter().position(|name| name == wanted));
+    let [Some(x), Some(y), Some(z)] = columns else { return None };
+    let row = |record: ::csv::StringRecord| {
+        let value = |at: usize| record.get(at).and_then(number);
+        Some(Vector3::new(value(x)?, value(y)?, value(z)?))
+    };
+    reader.records().flatten().find_map(row)
+}
+
 impl Columns {
-    fn find(header: &::csv::StringRecord) -> Result<Self, HeaderProblem> {
+    fn find(header: &::csv::StringRecord, options: &Options) -> Result<Self, HeaderProblem> {
         let names: Vec<String> = header.iter().map(bare_name).collect();
         let one = |accepted: &[&str]| names.iter().position(|name| accepted.contains(&name.as_str()));
         let three = |a: &[&str], b: &[&str], c: &[&str]| Some([one(a)?, one(b)?, one(c)?]);
@@ -83,7 +100,13 @@ impl Columns {
             quality: [("quality", Grades::Names), ("q", Grades::Rtklib), ("gga_quality", Grades::Gga)]
                 .into_iter()
                 .find_map(|(name, grades)| Some((one(&[name])?, grades))),
+            vector: three(&["dx"], &["dy"], &["dz"]),
+            protection: one(&["hpl"]).zip(one(&["vpl"])).map(|(hpl, vpl)| [hpl, vpl]),
         };
+        if options.vectors_from.is_some() {
+            let remedy = "give results of --moving-base, or name the columns `dx`, `dy`, `dz`";
+            return columns.vector.map(|_| columns).ok_or((1, "the table has no columns of vectors".into(), remedy));
+        }
         if columns.ecef.is_none() && columns.geodetic.is_none() {
             let remedy = "name the columns `x`, `y`, `z` or `latitude`, `longitude`, `height`";
             return Err((1, "the table has no columns of position".into(), remedy));
@@ -110,6 +133,7 @@ impl Columns {
             return Some(());
         }
         let position = match (self.ecef, self.geodetic) {
+            _ if options.vectors_from.is_some() => options.vectors_from? + Vector3::from(values(self.vector?)?),
             (Some(ecef), _) => Vector3::from(values(ecef)?),
             (None, Some(geodetic)) => from_degrees(values(geodetic)?)?,
             (None, None) => return None,
@@ -125,6 +149,7 @@ impl Columns {
             covariance: variances.map(|(diagonal, mixed)| symmetric(diagonal, mixed)),
             velocity: self.velocity.and_then(values).map(Vector3::from),
             quality,
+            protection: self.protection.and_then(|[hpl, vpl]| Some([value(hpl)?, value(vpl)?])),
         });
         Some(())
     }
