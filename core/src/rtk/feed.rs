@@ -73,6 +73,7 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
         self.base.time = None;
         self.base.observations.clear();
         self.base.used = false;
+        self.forget_base_motion();
     }
 }
 

@@ -87,6 +87,24 @@ pub(super) struct Link {
     pub reopened: bool,
 }
 
+/// A code that differs by more than this from the others is absurd; systems' clocks may differ by less `[m]`.
+const MISPLACED: f64 = 1000.0;
+
+/// Leaves out satellites whose code contradicts the clock that most satellites agree on: they were computed for a wrong
+/// time of transmission, so that their phases and Doppler are of no use either.
+pub(super) fn drop_misplaced<const C: usize>(links: &mut Vec<Link, C>) {
+    for station in 0..2 {
+        let mut clocks: Vec<f64, C> = Vec::new();
+        for link in links.iter() {
+            let _ = clocks.push(link.clocks[station]);
+        }
+        clocks.sort_unstable_by(f64::total_cmp);
+        if let Some(&median) = clocks.get(clocks.len() / 2) {
+            links.retain(|link| libm::fabs(link.clocks[station] - median) < MISPLACED);
+        }
+    }
+}
+
 /// Order of preference of attributes within a band: civil code first, on GPS L2 the P(Y) code that all satellites send.
 fn rank(constellation: Constellation, signal: Signal) -> usize {
     let order: &[u8] = match (constellation, signal.band()) {

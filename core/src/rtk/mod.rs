@@ -88,9 +88,6 @@ const CONTRADICTED: f64 = 5.0;
 /// Variance growth of a satellite clock's prediction between base and rover epoch, per second of age `[m/s]`.
 const CLOCK_STABILITY: f64 = 1.5e-3;
 
-/// A code that differs by more than this from the others is absurd; systems' clocks may differ by less `[m]`.
-const MISPLACED: f64 = 1000.0;
-
 /// A difference of two receivers' phases beyond this cannot be kept to the millimetre in `f64`; none has it `[m]`.
 const MAX_PHASE: f64 = 1e10;
 
@@ -193,8 +190,13 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
         }
     }
 
-    /// Changes the configuration and forgets everything that was estimated under the old one.
+    /// Changes the configuration and forgets everything that was estimated under the old one, where a base that moved was
+    /// too.
     pub fn configure(&mut self, config: RtkConfig) {
+        if self.config.moving_base {
+            self.base_position = None;
+        }
+        self.forget_base_motion();
         self.config = config;
         self.restart();
     }
@@ -510,7 +512,7 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
             // Capacity is that of the observations.
             let _ = self.links.push(link);
         }
-        drop_misplaced(&mut self.links);
+        link::drop_misplaced(&mut self.links);
         self.adaptive.apply(&self.config.adaptation, &mut self.links);
         let covariance = Matrix3::from_fn(|i, j| self.density.covariance(i, j));
         range::relinearize(&mut self.links, self.config.estimation.rule, &covariance);
@@ -565,21 +567,6 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
         if self.config.motion.order() > 1 {
             solution.velocity = Vector3::from_fn(|i, _| self.density.mean().get(3 + i).copied().unwrap_or(0.0));
             solution.velocity_covariance = Matrix3::from_fn(|i, j| self.density.covariance(3 + i, 3 + j));
-        }
-    }
-}
-
-/// Leaves out satellites whose code contradicts the clock that most satellites agree on: they were computed for a wrong
-/// time of transmission, so that their phases and Doppler are of no use either.
-fn drop_misplaced<const C: usize>(links: &mut Vec<Link, C>) {
-    for station in 0..2 {
-        let mut clocks: Vec<f64, C> = Vec::new();
-        for link in links.iter() {
-            let _ = clocks.push(link.clocks[station]);
-        }
-        clocks.sort_unstable_by(f64::total_cmp);
-        if let Some(&median) = clocks.get(clocks.len() / 2) {
-            links.retain(|link| libm::fabs(link.clocks[station] - median) < MISPLACED);
         }
     }
 }

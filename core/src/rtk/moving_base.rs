@@ -50,6 +50,12 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
         self.base_motion = Some(BaseMotion { velocity, clock: clock(&single), time: epoch.time });
     }
 
+    /// Forgets how a base moved, and which of its epochs was used.
+    pub(super) fn forget_base_motion(&mut self) {
+        self.base_motion = None;
+        self.base_used = None;
+    }
+
     /// Where the base's epochs have other intervals than the rover's, the vector moves by more than its velocity says.
     pub(super) fn follow_base(&mut self, step: f64) {
         let Some(motion) = self.base_motion else { return };
@@ -186,9 +192,11 @@ mod tests {
         assert!(is_fixed(&solution) && error < 0.02, "{error} m");
     }
 
+    /// A base that moved is not where it was last: without a coordinate there is none.
     #[test]
     fn a_base_at_rest_has_no_vector() {
         let mut vehicle = Vehicle::new();
+        vehicle.epoch(-1.0, 0.0);
         vehicle.filter.configure(RtkConfig::DEFAULT);
         let (solution, _) = vehicle.epoch(0.0, 0.0);
         assert_eq!((solution.quality, solution.reason, solution.base), (Quality::Code, Reason::NoBase, None));
