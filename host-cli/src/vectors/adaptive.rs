@@ -115,11 +115,11 @@ pub mod chain {
                 }
                 Ok(())
             };
-            matrix::blend_innovations(&mut MatMut::square(&mut full, m)?, beta, &nu, prior)?;
+            matrix::blend(&mut MatMut::square(&mut full, m)?, beta, &nu, prior, matrix::Form::Innovation)?;
             same("noise.literal", &full, "R_full")?;
-            matrix::blend_residuals(&mut MatMut::square(&mut residual, m)?, beta, &eps, posterior)?;
+            matrix::blend(&mut MatMut::square(&mut residual, m)?, beta, &eps, posterior, matrix::Form::Residual)?;
             same("noise.residual", &residual, "R_resid")?;
-            matrix::blend_innovations(&mut MatMut::square(&mut floored, m)?, beta, &nu, prior)?;
+            matrix::blend(&mut MatMut::square(&mut floored, m)?, beta, &nu, prior, matrix::Form::Innovation)?;
             let [mut factor, mut square, mut vectors] = [(); 3].map(|()| vec![0.0; m * m]);
             let mut work = matrix::FloorWork {
                 factor: MatMut::square(&mut factor, m)?,

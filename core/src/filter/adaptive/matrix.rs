@@ -1,7 +1,7 @@
 //! R* as a whole matrix.
 //!
-//! [`blend_innovations`] is what L. Wang et al. (2022) print in eq. (25) and is not positive definite; [`blend_residuals`]
-//! is for as long as the measurements stay the same. Both need [`floor`] once channels restart, and [`remap`] when
+//! [`blend`] with innovations is what L. Wang et al. (2022) print in eq. (25) and is not positive definite; with residuals
+//! it is, for as long as the measurements stay the same. Both need [`floor`] once channels restart, and [`remap`] when
 //! satellites come, go, or give the reference to another.
 //!
 //! The floor: with R₀ = L Lᵀ the generalised eigenvalues of R* are those of L⁻¹ R* L⁻ᵀ = Vᵀ Λ V; they are clipped to
@@ -13,40 +13,31 @@ use super::ratio::within;
 use crate::linalg::{LinalgError, Mat, MatMut, cholesky, dot, eigen, head, triangular};
 use crate::real::Real;
 
-/// R ← (1 − β) R + β (ν νᵀ − H P⁻ Hᵀ), ν innovations (m), `spread` = H P⁻ Hᵀ (m × m).
-pub fn blend_innovations<T: Real>(
-    r: &mut MatMut<'_, T>,
-    beta: T,
-    innovation: &[T],
-    spread: Mat<'_, T>,
-) -> Result<(), LinalgError> {
-    blend(r, beta, innovation, spread, |square, spread| square - spread)
+/// What an epoch says of R, see [`super`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Form {
+    /// ν νᵀ − H P⁻ Hᵀ, of innovations.
+    Innovation,
+    /// ε εᵀ + H P⁺ Hᵀ, of residuals.
+    Residual,
 }
 
-/// R ← (1 − β) R + β (ε εᵀ + H P⁺ Hᵀ), ε residuals (m), `spread` = H P⁺ Hᵀ (m × m).
-pub fn blend_residuals<T: Real>(
-    r: &mut MatMut<'_, T>,
-    beta: T,
-    residual: &[T],
-    spread: Mat<'_, T>,
-) -> Result<(), LinalgError> {
-    blend(r, beta, residual, spread, |square, spread| square + spread)
-}
-
-fn blend<T: Real>(
+/// R ← (1 − β) R + β E, for the innovations or residuals `x` (m) and `spread` = H P Hᵀ (m × m), prior or posterior.
+pub fn blend<T: Real>(
     r: &mut MatMut<'_, T>,
     beta: T,
     x: &[T],
     spread: Mat<'_, T>,
-    sample: impl Fn(T, T) -> T,
+    form: Form,
 ) -> Result<(), LinalgError> {
     let m = x.len();
     if [r.rows(), r.cols(), spread.rows(), spread.cols()] != [m; 4] {
         return Err(LinalgError::Shape);
     }
+    let sign = if form == Form::Innovation { -T::ONE } else { T::ONE };
     for ((row, spread), &own) in r.iter_mut().zip(spread.iter()).zip(x) {
         for ((entry, &spread), &other) in row.iter_mut().zip(spread).zip(x) {
-            *entry = (T::ONE - beta) * *entry + beta * sample(own * other, spread);
+            *entry = (T::ONE - beta) * *entry + beta * (own * other + sign * spread);
         }
     }
     Ok(())
@@ -212,12 +203,15 @@ mod tests {
     fn the_literal_form_is_refused() {
         let (mut r, mut factor) = ([1.0, 0.5, 0.5, 1.0], [0.0; 4]);
         let mut r = MatMut::square(&mut r, 2).unwrap();
-        blend_innovations(&mut r, 0.05, &[1.0, 1.0], Mat::square(&[100.0, 0.0, 0.0, 100.0], 2).unwrap()).unwrap();
+        blend(&mut r, 0.05, &[1.0, 1.0], Mat::square(&[100.0, 0.0, 0.0, 100.0], 2).unwrap(), Form::Innovation).unwrap();
         // 0.95 + 0.05 (1 − 100) = −4.
         assert!((r.at(0, 0) + 4.0).abs() < 1e-12);
         let refused = check(r.as_ref(), &mut MatMut::square(&mut factor, 2).unwrap());
         assert_eq!(refused, Err(LinalgError::NotPositiveDefinite { pivot: 0 }));
-        assert_eq!(blend_innovations(&mut r, 0.05, &[1.0], Mat::square(&[1.0], 1).unwrap()), Err(LinalgError::Shape));
+        assert_eq!(
+            blend(&mut r, 0.05, &[1.0], Mat::square(&[1.0], 1).unwrap(), Form::Innovation),
+            Err(LinalgError::Shape)
+        );
     }
 
     proptest! {
