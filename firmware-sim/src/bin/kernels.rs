@@ -1,15 +1,25 @@
-//! Every kernel of `linalg`, `integer` and `smooth` in both scalars, so that `cargo xtask panics` sees also those that the replay
+//! Every kernel of `linalg`, `integer`, `filter::adaptive`, `integrity` and `smooth` in both scalars, so that `cargo xtask panics` sees also those that the replay
 //! does not link. Dimensions come from where the compiler cannot see them; what the kernels answer does not matter.
 #![no_std]
 #![no_main]
 
 use core::hint::black_box as hide;
+use surefix_core::filter::adaptive::forgetting::{Beta, Forgetting};
+use surefix_core::filter::adaptive::matrix::{self, FloorWork, Origin};
+use surefix_core::filter::adaptive::ratio;
+use surefix_core::gnss::baseline::Attitude;
+use surefix_core::gnss::solution::{Reason, Solution};
+use surefix_core::gnss::time::GpsTime;
 use surefix_core::integer::accept::Thresholds;
 use surefix_core::integer::failure_rate::FailureRate;
 use surefix_core::integer::search::{Level, search};
+use surefix_core::integer::subset::{Options, Strategy, SubsetWorkspace, resolve_subset};
 use surefix_core::integer::success_rate::{self, Probability};
-use surefix_core::integer::{Config, Workspace, resolve, resolve_partial};
+use surefix_core::integer::{Config, IntegerError, Workspace, resolve, resolve_partial};
 use surefix_core::integer::{bootstrap, condition, decorrelate, partial, rounding};
+use surefix_core::integrity::protection::{self, HorizontalFactor};
+use surefix_core::integrity::stanford::Counts;
+use surefix_core::integrity::window::NisWindow;
 use surefix_core::linalg::sequential::{Row, update_scalar, update_scalar_joseph};
 use surefix_core::linalg::{LinalgError, Mat, MatMut};
 use surefix_core::linalg::{block, cholesky, eigen, ldl, projection, square_root, symmetric, triangular};
@@ -27,6 +37,7 @@ const BUFFERS: usize = 5;
 #[cortex_m_rt::entry]
 fn main() -> ! {
     let Some(_board) = Board::take() else { board::exit(1) };
+    integrity();
     let shapes_fit = kernels::<f64>(hide(N)).is_ok()
         && kernels::<f32>(hide(N)).is_ok()
         && smoothers::<f64>(hide(N)).is_ok()
@@ -65,6 +76,7 @@ fn kernels<T: Real>(n: usize) -> Result<(), LinalgError> {
     );
     hide(ldl::factor_ldlt(a, u).is_ok());
     hide(eigen::eigenvalues(a, u).is_ok());
+    hide(eigen::decompose(a, u, b).is_ok());
     hide(triangular::forward(a.as_ref(), u).is_ok());
     hide(triangular::back_transposed(a.as_ref(), u).is_ok());
     hide(triangular::forward_rows(a.as_ref(), b).is_ok());
@@ -113,8 +125,54 @@ fn kernels<T: Real>(n: usize) -> Result<(), LinalgError> {
     hide([success_rate::adop_upper(adop, n), success_rate::ils_upper(adop, n), success_rate::ball_lower(adop, n)]);
     hide([success_rate::eigenvalue_lower(adop, n), success_rate::eigenvalue_upper(adop, n)]);
     hide(success_rate::slab_upper(a.as_ref(), k.as_ref(), b, c, e, u).is_ok());
+    hide(parts(u, a.as_ref(), hide(Strategy::Search { budget: 9 })).is_ok());
+    hide(parts(u, a.as_ref(), hide(Strategy::Elevation)).is_ok());
+    noise(u, [a, b, c, d, e], v)?;
     hide(FailureRate::Percent.ratio_threshold(hide(Probability { success: 0.9, failure: 0.1 }), n));
     Ok(())
+}
+
+/// Partial fixing; returns how many are fixed.
+fn parts<T: Real>(a: &[T], q: Mat<'_, T>, strategy: Strategy) -> Result<usize, IntegerError> {
+    let mut workspace = SubsetWorkspace::<T, N>::new();
+    let options = hide(Options { strategy, min_satellites: 1, ..Options::default() });
+    let (of, order) = (hide([0, 1, 0, 1]), hide([1, 0]));
+    let subset = resolve_subset(a, q, of.get(..a.len()).unwrap_or_default(), &order, &options, &mut workspace)?;
+    Ok(subset.map_or(0, |subset| hide(subset).indices.len()))
+}
+
+/// Adaptive noise.
+fn noise<T: Real>(u: &mut [T], [a, b, c, d, e]: [&mut MatMut<'_, T>; 5], v: &mut [T]) -> Result<(), LinalgError> {
+    let n = u.len();
+    for form in [matrix::Form::Innovation, matrix::Form::Residual] {
+        hide(matrix::blend(a, T::ONE, u, b.as_ref(), form).is_ok());
+    }
+    hide(matrix::check(a.as_ref(), c).is_ok());
+    let origins = hide([Origin::Same(0), Origin::Difference(1, 0), Origin::Negative(1), Origin::New]);
+    hide(matrix::remap(c, a.as_ref(), b.as_ref(), origins.get(..n).unwrap_or_default()).is_ok());
+    hide(ratio::factor(b.as_ref(), c).is_ok());
+    hide(ratio::mean_ratio(c.as_ref(), u, d).is_ok());
+    hide(ratio::scale(d, b.as_ref(), u).is_ok());
+    hide(ratio::blend(T::ONE, T::ONE, T::ONE, [T::ONE; 2]));
+    let mut work = FloorWork { factor: c.reborrow(), square: d.reborrow(), vectors: e.reborrow(), values: v };
+    hide(matrix::floor(a, b.as_ref(), [T::ONE; 2], &mut work).is_ok());
+    Ok(())
+}
+
+/// Risk, protection levels and their record.
+fn integrity() {
+    let solution = hide(Solution::none(GpsTime::from_nanoseconds(0), Reason::NoBase));
+    let config = hide(protection::Config { horizontal_factor: HorizontalFactor::Exact, ..protection::Config::DEFAULT });
+    if let Ok(factors) = config.factors() {
+        let levels = factors.levels(&solution.position_covariance, hide(1.0));
+        hide((factors.status(levels), factors.basis(hide(0.1), hide(true))));
+    }
+    let mut window = NisWindow::<3>::new();
+    hide(window.push(hide(1.0), hide(1)));
+    hide((window.inflation(), window.sums()));
+    hide(Counts::default().add(hide(1.0), hide(2.0), hide(3.0)));
+    hide(Attitude::of(&solution.position, &solution.position_covariance));
+    hide(Beta::new(hide(1.0)).next(&hide(Forgetting::IAVAKF), hide(0.99)));
 }
 
 /// The steps of the smoothers and the sums of EM.
