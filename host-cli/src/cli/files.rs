@@ -52,8 +52,13 @@ pub struct OpenFiles {
 }
 
 impl Files {
-    /// Opens the files and finds the coordinate of the base.
+    /// Opens the files and finds the coordinate of the base, unless it moves.
     pub fn open(&self) -> anyhow::Result<OpenFiles> {
+        self.open_for(self.moving_base)
+    }
+
+    /// The same, for a base that moves or not, whatever the arguments say.
+    pub fn open_for(&self, moving_base: bool) -> anyhow::Result<OpenFiles> {
         let rover = ObservationReader::open(&self.rover)?;
         let base = ObservationReader::open(&self.base)?;
         let mut navigation = NavigationData::default();
@@ -61,7 +66,7 @@ impl Files {
             navigation.merge(NavigationData::open(path)?);
         }
         let mut warnings = Vec::new();
-        let base_position = if self.moving_base {
+        let base_position = if moving_base {
             None
         } else {
             Some(self.base_position(base.header().approximate_position, &mut warnings)?)

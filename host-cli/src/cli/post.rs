@@ -58,11 +58,6 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let mut settings = args.engine.settings()?;
     args.smoothing.apply(&mut settings);
     settings.moving_base |= files.moving_base;
-    if settings.moving_base && args.smoothing.smooth {
-        anyhow::bail!(
-            "--smooth needs a base at rest: a moving base's vectors are not smoothed; leave out one of the two"
-        );
-    }
     let (summary, paths) = process(files, &settings, args.smoothing.smooth, &args.output, args.velocity)?;
     println!("{}", results::report(&summary));
     println!("wrote {}", paths.iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join(", "));
@@ -79,7 +74,7 @@ pub fn process(
     velocity: bool,
 ) -> anyhow::Result<(Summary, [PathBuf; 3])> {
     let config = settings.config()?;
-    let mut open = files.open()?;
+    let mut open = files.open_for(settings.moving_base)?;
     open.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
     let inputs = [&files.rover, &files.base].into_iter().chain(&files.navigation);
     let header = Header {

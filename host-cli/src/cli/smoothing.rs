@@ -2,7 +2,7 @@
 
 use super::results::Results;
 use crate::process::run::Engine;
-use crate::process::settings::{Settings, SettingsError};
+use crate::process::settings::Settings;
 use crate::process::smoothing::Smoothing;
 use crate::smooth::progress::Progress;
 use crate::smooth::rtk::tape::Tape;
@@ -43,7 +43,11 @@ pub struct Recording {
 
 impl Recording {
     /// For an engine that has answered nothing yet.
-    pub fn new(engine: &Engine, settings: &Settings) -> Result<Self, SettingsError> {
+    pub fn new(engine: &Engine, settings: &Settings) -> anyhow::Result<Self> {
+        anyhow::ensure!(
+            !settings.moving_base,
+            "--smooth needs a base at rest: vectors from a moving base are not smoothed; leave out --smooth, or moving_base"
+        );
         Ok(Self { tape: Tape::new(*engine.config()), options: settings.smoothing.options()?, left_out: 0 })
     }
 
@@ -98,4 +102,19 @@ fn progress_bar() -> ProgressBar {
         bar.set_style(style);
     }
     bar
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use surefix_core::rtk::RtkConfig;
+
+    #[test]
+    fn vectors_from_a_moving_base_are_not_smoothed() {
+        let engine = Engine::new(RtkConfig::default());
+        assert!(Recording::new(&engine, &Settings::default()).is_ok());
+        let settings = Settings { moving_base: true, ..Settings::default() };
+        let error = Recording::new(&engine, &settings).err().unwrap().to_string();
+        assert!(error.contains("leave out --smooth, or moving_base"), "{error}");
+    }
 }

@@ -4,6 +4,7 @@ use super::model::RtkModel;
 use crate::smooth::model::{Density, Integer};
 use nalgebra::{Matrix3, Vector3};
 use surefix_core::gnss::solution::{Quality, Reason, Solution};
+use surefix_core::integrity::protection::Status;
 
 /// Fewest fixed double differences of a fixed solution: those that determine a position.
 const FEWEST: usize = 3;
@@ -70,6 +71,8 @@ pub fn answer(
         (Quality::Fixed, Reason::Complete)
     };
     (solution.quality, solution.reason) = grade;
+    // What the engine said of its own position bounds no other one.
+    (solution.protection, solution.integrity) = (None, Status::Unmonitored);
 }
 
 #[cfg(test)]
@@ -94,6 +97,8 @@ mod tests {
         let (tape, _) = drive(5.0);
         let model = model(&tape);
         let (solution, _) = solution(&model, &[]);
+        assert!(tape.solutions()[4].protection.is_some());
+        assert_eq!((solution.protection, solution.integrity), (None, Status::Unmonitored));
         let frame = tape.frame().unwrap();
         let enu = frame.rotation * (solution.position - frame.origin);
         assert!((enu - Vector3::new(1.0, 2.0, 3.0)).norm() < 1e-8, "{enu}");
