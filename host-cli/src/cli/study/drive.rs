@@ -44,7 +44,13 @@ pub struct Drive {
 impl Drive {
     /// How to process it.
     pub fn settings(&self) -> anyhow::Result<Settings> {
-        self.engine.settings()
+        let settings = self.engine.settings()?;
+        let moving = settings.moving_base || self.files.moving_base;
+        anyhow::ensure!(
+            !moving,
+            "the study compares positions: give a base at rest, without --moving-base and moving_base"
+        );
+        Ok(settings)
     }
 
     /// All inputs, and the truth.
