@@ -288,20 +288,17 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
         }
         self.track(epoch.time, &mut solution);
         self.screen_doppler();
-        let mut updated = self.update();
+        let updated = self.update();
         self.absorb_position();
         self.time = Some(epoch.time);
         self.base_used = self.base.time;
-        if !self.is_sound(single) {
-            updated = None;
-        }
-        if updated.is_none() {
+        let Some(gauge) = updated.filter(|_| self.is_sound(single)) else {
             self.restart();
             return code_solution(epoch.time, single, Reason::Restarted);
-        }
+        };
         self.adapt(epoch.time);
         self.settle(epoch.time, &mut solution);
-        self.monitor.note(updated, solution.position_covariance);
+        self.monitor.note(gauge, solution.position_covariance);
         self.fix(&mut solution);
         self.report_vector(&mut solution, single);
         solution

@@ -34,10 +34,8 @@ impl Monitor {
     }
 
     /// Takes the innovations of an update and the float position's covariance that came of it.
-    pub fn note(&mut self, gauge: Option<Gauge<f64>>, float: Matrix3<f64>) {
-        if let Some(gauge) = gauge {
-            self.window.push(gauge.normalized_innovation_squared, gauge.rows);
-        }
+    pub fn note(&mut self, gauge: Gauge<f64>, float: Matrix3<f64>) {
+        self.window.push(gauge.normalized_innovation_squared, gauge.rows);
         self.float = Some(float);
     }
 
@@ -88,8 +86,8 @@ mod tests {
         }
     }
 
-    fn gauge(squares: f64) -> Option<Gauge<f64>> {
-        Some(Gauge { rows: 10, normalized_innovation_squared: squares, log_determinant: 0.0 })
+    fn gauge(squares: f64) -> Gauge<f64> {
+        Gauge { rows: 10, normalized_innovation_squared: squares, log_determinant: 0.0 }
     }
 
     #[test]
