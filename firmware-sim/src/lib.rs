@@ -18,6 +18,8 @@ use defmt_semihosting as _; // the global logger
 
 pub mod board;
 pub mod fixed_lag;
+pub mod moving_base;
 mod panic;
+pub mod random;
 pub mod replay;
 pub mod section_v;

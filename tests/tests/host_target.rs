@@ -5,6 +5,10 @@
 
 #[path = "../../firmware-sim/src/fixed_lag/drive.rs"]
 mod drive;
+#[path = "../../firmware-sim/src/random.rs"]
+mod random;
+#[path = "../../firmware-sim/src/moving_base/drive.rs"]
+mod vehicles;
 
 use drive::{Drive, EPOCHS, LAG};
 use nalgebra::Vector3;
@@ -212,4 +216,48 @@ fn the_fixed_lag_smoother_answers_alike() {
         assert_same(machine, &target(&xtask, "fixed_lag64", machine, &[]), &double);
     }
     assert_same("an386", &target(&xtask, "fixed_lag32", "an386", &[]), &single);
+}
+
+/// The answers of both filters between two vehicles as bytes, and their errors `[m]`.
+fn host_vehicles<T: Real>() -> (Vec<u8>, [Vec<f64>; 2]) {
+    let mut answers = Vec::new();
+    let errors = [vehicles::Kind::Plain, vehicles::Kind::Adaptive].map(|kind| {
+        let mut drive = Box::new(vehicles::Drive::<T>::new(kind));
+        let epochs = (0..vehicles::EPOCHS).map(|epoch| {
+            let sights = drive.observe();
+            let answer = drive.advance(&sights).unwrap();
+            vehicles::write(&answer, |bytes| {
+                answers.extend_from_slice(bytes);
+                Ok::<(), Infallible>(())
+            })
+            .unwrap();
+            (answer.position - vehicles::vector(epoch).0).norm()
+        });
+        epochs.collect()
+    });
+    (answers, errors)
+}
+
+/// In single precision the answers between two vehicles are those in double precision to a millimetre, once fixed.
+#[test]
+fn single_precision_is_enough_between_vehicles() {
+    let (double, single) = (host_vehicles::<f64>().1, host_vehicles::<f32>().1);
+    for (kind, (double, single)) in double.iter().zip(&single).enumerate() {
+        let rms = |errors: &[f64]| (errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64).sqrt();
+        let settled = |errors: &[f64]| rms(&errors[20..]);
+        println!("{kind}: {:.4} m, in single precision {:.4} m", settled(double), settled(single));
+        assert!(settled(double) < 0.03 && (settled(single) - settled(double)).abs() < 0.001);
+    }
+}
+
+/// In double precision on both cores, in single precision on the Cortex-M4F. The program itself fails where the adaptive
+/// filter takes more than a quarter more instructions than the plain one.
+#[test]
+fn the_filter_between_vehicles_answers_alike() {
+    let Some(xtask) = xtask() else { return };
+    let (double, single) = (host_vehicles::<f64>().0, host_vehicles::<f32>().0);
+    for machine in MACHINES {
+        assert_same(machine, &target(&xtask, "moving_base64", machine, &[]), &double);
+    }
+    assert_same("an386", &target(&xtask, "moving_base32", "an386", &[]), &single);
 }

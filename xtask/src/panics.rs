@@ -60,7 +60,7 @@ fn check(places: &BTreeSet<Place>) -> Result<()> {
 }
 
 /// Programs that are looked at: the largest of each filter, and one that links the kernels that these do not use.
-const PROGRAMS: [&str; 4] = ["replay64", "section_v64", "fixed_lag64", "kernels"];
+const PROGRAMS: [&str; 5] = ["replay64", "section_v64", "moving_base64", "fixed_lag64", "kernels"];
 
 /// Places of the core from which a panic is reachable in the programs.
 fn places(programs: &Programs) -> Result<BTreeSet<Place>> {

@@ -29,9 +29,14 @@ pub struct Config {
     pub budget: u32,
 }
 
+impl Config {
+    /// The default, for a `static`.
+    pub const DEFAULT: Self = Self { budget: search::DEFAULT_BUDGET };
+}
+
 impl Default for Config {
     fn default() -> Self {
-        Self { budget: search::DEFAULT_BUDGET }
+        Self::DEFAULT
     }
 }
 

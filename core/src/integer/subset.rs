@@ -57,15 +57,20 @@ pub struct Options {
     pub config: Config,
 }
 
+impl Options {
+    /// The paper's, for a `static`: by elevation, P₀ = 0.95.
+    pub const DEFAULT: Self = Self {
+        strategy: Strategy::Elevation,
+        min_success: 0.95,
+        min_satellites: 3,
+        assist: true,
+        config: Config::DEFAULT,
+    };
+}
+
 impl Default for Options {
     fn default() -> Self {
-        Self {
-            strategy: Strategy::Elevation,
-            min_success: 0.95,
-            min_satellites: 3,
-            assist: true,
-            config: Config::default(),
-        }
+        Self::DEFAULT
     }
 }
 
@@ -130,6 +135,13 @@ impl<T: Real, const N: usize> SubsetWorkspace<T, N> {
             trial: Vec::new(),
             kept: Vec::new(),
         }
+    }
+
+    /// Bootstrapped success rate of the ambiguities `a` (n) with covariance `q` (n × n) after decorrelation.
+    pub fn success_rate(&mut self, a: &[T], q: Mat<'_, T>) -> Result<Probability, IntegerError> {
+        let mut work = self.integers.work(a.len())?;
+        work.prepare(a, q)?;
+        Ok(success_rate::bootstrapped(work.variances))
     }
 
     /// The ambiguities of the satellites in `trial`, in the order of `a`, into `indices`.

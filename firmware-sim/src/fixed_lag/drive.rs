@@ -10,8 +10,9 @@
 //! and left out. The clock is born anew at each epoch. Noise comes from a linear congruential generator, so that the drive
 //! is the same on every machine.
 //!
-//! This file needs nothing but the core: the test that compares host and target includes it too.
+//! This file needs nothing but the core and `random.rs`: the test that compares host and target includes both too.
 
+use crate::random::Noise;
 use core::fmt;
 use heapless::Vec;
 use surefix_core::linalg::MatMut;
@@ -118,28 +119,6 @@ fn in_view(satellite: usize, epoch: u32) -> bool {
 /// Whether a satellite slips at an epoch.
 fn slips(satellite: usize, epoch: u32) -> bool {
     epoch % 31 == 30 && (epoch / 31) as usize % SATELLITES == satellite
-}
-
-/// Independent numbers from a linear congruential generator (D. E. Knuth, MMIX).
-#[derive(Clone, Copy, Debug)]
-struct Noise(u64);
-
-impl Noise {
-    /// Between −½ and ½.
-    fn uniform(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        f64::from((self.0 >> 32) as u32) / f64::from(u32::MAX) - 0.5
-    }
-
-    /// About normal, with a variance of 1: the sum of twelve.
-    fn normal(&mut self) -> f64 {
-        (0..12).fold(0.0, |sum, _| sum + self.uniform())
-    }
-
-    /// A whole number of cycles between −10 and 10.
-    fn cycles(&mut self) -> f64 {
-        libm::round(20.0 * self.uniform())
-    }
 }
 
 /// A step, as it is put together.
@@ -249,7 +228,7 @@ impl<T: Real> Drive<T> {
     pub const fn new() -> Self {
         Self {
             epoch: 0,
-            noise: Noise(0),
+            noise: Noise::new(0),
             cycles: [0.0; SATELLITES],
             tracked: [false; SATELLITES],
             filtered: Density::EMPTY,
@@ -264,7 +243,7 @@ impl<T: Real> Drive<T> {
     pub fn advance(&mut self) -> Result<[f64; 3], DriveError> {
         let is_first = self.epoch == 0;
         if is_first {
-            self.noise = Noise(2023);
+            self.noise = Noise::new(2023);
             self.filtered = Density::prior();
         }
         let parts = self.change_satellites()?;

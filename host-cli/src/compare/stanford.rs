@@ -8,6 +8,7 @@ use super::Sample;
 use crate::study::files::{Files, FilesError};
 use crate::study::plot::panel::{Frame, Panel, Range};
 use crate::study::plot::{BLACK, BLUE, Color, Drawing, ORANGE, RED};
+use nalgebra::Vector3;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use surefix_core::integrity::stanford::{Class, Counts};
@@ -36,15 +37,18 @@ pub struct Stanford {
 impl Stanford {
     /// Of samples; `None` if none of them has a protection level.
     pub(super) fn of(samples: &[Sample], alert_limits_m: [f64; 2]) -> Option<Self> {
+        let bounded = samples.iter().filter_map(|sample| Some((sample.error, sample.protection?)));
+        let unmonitored = samples.iter().filter(|sample| sample.protection.is_none()).count() as u64;
+        Self::of_errors(bounded, alert_limits_m).map(|stanford| Self { unmonitored, ..stanford })
+    }
+
+    /// Of errors, east, north, up, and levels, horizontal and vertical `[m]`; `None` of none. What is NaN does not count.
+    pub fn of_errors(errors: impl Iterator<Item = (Vector3<f64>, [f64; 2])>, alert_limits_m: [f64; 2]) -> Option<Self> {
         let [horizontal, vertical] = [Counts::default(); 2];
         let pairs = [Vec::new(), Vec::new()];
         let mut stanford = Self { alert_limits_m, horizontal, vertical, unmonitored: 0, pairs };
-        for sample in samples {
-            let Some(levels) = sample.protection else {
-                stanford.unmonitored += 1;
-                continue;
-            };
-            let errors = [sample.error.xy().norm(), sample.error.z.abs()];
+        for (error, levels) in errors {
+            let errors = [error.xy().norm(), error.z.abs()];
             let counts = [&mut stanford.horizontal, &mut stanford.vertical];
             for (i, counts) in counts.into_iter().enumerate() {
                 if counts.add(errors[i], levels[i], alert_limits_m[i]).is_some() {
@@ -166,7 +170,6 @@ fn color(error: f64, level: f64, limit: f64) -> Color {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::Vector3;
     use surefix_core::gnss::solution::Quality;
     use surefix_core::gnss::time::GpsTime;
 

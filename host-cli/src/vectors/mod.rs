@@ -16,6 +16,7 @@ pub mod case;
 pub mod combinations;
 pub mod coordinates;
 pub mod data;
+pub mod double_difference;
 pub mod expectation;
 pub mod inputs;
 pub mod integer;
@@ -59,6 +60,8 @@ const FORMATS: &[Format] = &[
     Format { recognises: integrity::stanford::recognises, run: integrity::stanford::run },
     Format { recognises: adaptive::forgetting::recognises, run: adaptive::forgetting::run },
     Format { recognises: adaptive::chain::recognises, run: adaptive::chain::run },
+    Format { recognises: double_difference::inputs_alone::recognises, run: double_difference::inputs_alone::run },
+    Format { recognises: double_difference::recognises, run: double_difference::run },
     Format { recognises: linear_smoother::recognises, run: linear_smoother::run },
     Format { recognises: expectation::recognises, run: expectation::run },
     Format { recognises: kalman::recognises, run: kalman::run },

@@ -1,9 +1,9 @@
 //! Algorithm 1, one epoch.
 
+use super::super::density::Cut;
 use super::super::linearize::{self, linearize};
 use super::super::slip;
 use super::super::update::{Form, Gauge, Stage, explain, project};
-use super::density::Cut;
 use super::rows::{ModelRows, innovation};
 use super::scratch::{Bench, work};
 use super::{Detector, FilterError, Fixing, Integers, Options, Outcome, Output, is_plausible};

@@ -31,10 +31,10 @@
 //! Memory: N² + X² + C (N + C + A) + A² + O(N + C) scalars and the integer workspace; see [`SectionV`]. Stack: about 3 KB.
 //! Panic contract: none.
 
-mod density;
 mod epoch;
 mod error;
 mod options;
+mod predict;
 mod recursive;
 mod rows;
 mod scratch;
@@ -45,13 +45,13 @@ pub use error::FilterError;
 pub use options::{Detector, Fixing, Options, Output};
 pub use recursive::{Measurement, RecursiveMils};
 
+use super::density::Density;
 use super::linearize::MAX_INPUTS;
 use super::update::Gauge;
 use crate::integer::{Method, Workspace};
 use crate::linalg::{Mat, cholesky, copy, head, symmetric, tail};
 use crate::model::partially_linear::{PartiallyLinear, Shape};
 use crate::real::Real;
-use density::Density;
 use epoch::Epoch;
 use scratch::Scratch;
 

@@ -19,8 +19,8 @@
 //! Shapes: H p × m, G p × n, R p × p. Memory 2 X² + P (P + X + A) + 2 A² scalars and the integer workspace. Panic contract:
 //! none. Errors leave everything as it was.
 
+use super::super::density::Density;
 use super::super::update::{Form, Stage, VECTORS, Work, project};
-use super::density::Density;
 use super::{FilterError, is_plausible};
 use crate::integer::{Config, Workspace, resolve};
 use crate::linalg::{

@@ -3,6 +3,7 @@
 use super::Outcome;
 
 mod drive;
+mod integrity;
 mod mixed_integer;
 mod simulation;
 mod smoothing;
@@ -19,6 +20,7 @@ pub struct Args {
 enum Command {
     MixedInteger(mixed_integer::Args),
     Smoothing(smoothing::Args),
+    Integrity(integrity::Args),
     Drive(drive::Args),
     SmoothingDrive(smoothing_drive::Args),
 }
@@ -28,6 +30,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     match &args.command {
         Command::MixedInteger(args) => mixed_integer::run(args),
         Command::Smoothing(args) => smoothing::run(args),
+        Command::Integrity(args) => integrity::run(args),
         Command::Drive(args) => drive::run(args),
         Command::SmoothingDrive(args) => smoothing_drive::run(args),
     }

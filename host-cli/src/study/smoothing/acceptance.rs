@@ -4,69 +4,16 @@
 //! number of runs; of RMSE/RAPC the standard error is 1 % after 80 runs and 3 % after ten. A number outside of its band
 //! by less than two of its standard errors is undecided; only those beyond count as missed.
 
-use super::super::statistics::Estimate;
+use super::super::acceptance::{Line, missed};
 use super::adaptation::Reading;
 use super::scenario::Differences;
 use super::section::Part;
 use super::trial::{Posterior, Scheme};
 use super::{Adaptation, Study, Table};
 
-/// A number and where it must lie.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Line {
-    /// What it is.
-    pub quantity: String,
-    /// The number.
-    pub value: Estimate,
-    /// Smallest value that is accepted.
-    pub low: f64,
-    /// Largest value that is accepted.
-    pub high: f64,
-}
-
-/// Where a number lies.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Verdict {
-    /// In its band.
-    Inside,
-    /// Not, but within two standard errors of it.
-    Undecided,
-    /// Farther off, or not a number.
-    Outside,
-}
-
-impl Verdict {
-    /// In a word.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Inside => "inside",
-            Self::Undecided => "undecided",
-            Self::Outside => "OUTSIDE",
-        }
-    }
-}
-
 /// S-RAPC of the fixed filter and the fixed smoother in geometry G2 `[m]`.
 const RAPC: [(Differences, [f64; 2]); 2] =
     [(Differences::Double, [0.0550, 0.0403]), (Differences::Single, [0.0521, 0.0383])];
-
-impl Line {
-    /// A number that is not uncertain.
-    fn exact(quantity: String, value: f64, low: f64, high: f64) -> Self {
-        Self { quantity, value: Estimate { value, standard_error: 0.0 }, low, high }
-    }
-
-    /// Where it lies.
-    pub fn verdict(&self) -> Verdict {
-        let Estimate { value, standard_error } = self.value;
-        let margin = if standard_error.is_finite() { 2.0 * standard_error } else { 0.0 };
-        match (value >= self.low && value <= self.high, value >= self.low - margin && value <= self.high + margin) {
-            (true, _) => Verdict::Inside,
-            (false, true) => Verdict::Undecided,
-            (false, false) => Verdict::Outside,
-        }
-    }
-}
 
 impl Study {
     /// All numbers of the parts that were done.
@@ -77,7 +24,7 @@ impl Study {
 
     /// How many numbers lie outside of their bands.
     pub fn missed(&self) -> usize {
-        self.acceptance().iter().filter(|line| line.verdict() == Verdict::Outside).count()
+        missed(&self.acceptance())
     }
 }
 
@@ -123,25 +70,4 @@ fn of_adaptation(adaptation: &Adaptation) -> Vec<Line> {
         }
     }
     lines
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn verdicts_know_the_standard_error() {
-        let line = |value, standard_error| Line {
-            quantity: String::new(),
-            value: Estimate { value, standard_error },
-            low: 0.95,
-            high: 1.05,
-        };
-        assert_eq!(line(0.95, 0.0).verdict(), Verdict::Inside);
-        assert_eq!(line(1.05, f64::NAN).verdict(), Verdict::Inside);
-        assert_eq!(line(1.06, 0.01).verdict(), Verdict::Undecided);
-        assert_eq!(line(1.08, 0.01).verdict(), Verdict::Outside);
-        assert_eq!(line(0.94, f64::NAN).verdict(), Verdict::Outside);
-        assert_eq!(line(f64::NAN, 1.0).verdict(), Verdict::Outside);
-    }
 }

@@ -1,10 +1,7 @@
-//! One of the two densities: its mean, its covariance, and how to go back to the last good one.
+//! A density with its mean in `f64`, its covariance in T, and how to go back to the last good one.
 
 use crate::linalg::{LinalgError, Mat, MatMut, copy, head, head_mut, projection, symmetric, triangular};
-use crate::model::partially_linear::{Elementary, PartiallyLinear};
 use crate::real::Real;
-
-use super::FilterError;
 
 /// N(m, P). Between epochs P is full and symmetric. Within an epoch its lower triangle is worked on, and the strict upper
 /// one with `diagonal` and `last` are the last good density.
@@ -45,6 +42,11 @@ impl<T: Real, const N: usize> Density<T, N> {
             last: head_mut(&mut self.last, n),
             diagonal: head_mut(&mut self.diagonal, n),
         })
+    }
+
+    /// What the updates of the latest epoch added to the mean.
+    pub fn correction(&self) -> &[T] {
+        &self.correction
     }
 
     /// Mean and covariance of the first n states, between epochs.
@@ -98,33 +100,6 @@ impl<T: Real> Cut<'_, T> {
     /// Ends an epoch.
     pub fn commit(&mut self) {
         self.p.mirror_lower();
-    }
-
-    /// m ← F m, P ← F P Fᵀ + W. Only the first `real` states may move.
-    pub fn predict(&mut self, model: &(impl PartiallyLinear + ?Sized), real: usize) -> Result<(), FilterError> {
-        let mut fits = true;
-        model.transition(&mut |step| match step {
-            Elementary::Shear { to, from, factor } if to < real && from < real && to != from => {
-                if let Ok([to, from]) = self.mean.get_disjoint_mut([to, from]) {
-                    *to += factor * *from;
-                }
-                symmetric::shear(&mut self.p, to, from, T::from_f64(factor));
-            }
-            Elementary::Scale { state, factor } if state < real => {
-                if let Some(mean) = self.mean.get_mut(state) {
-                    *mean *= factor;
-                }
-                symmetric::scale_state(&mut self.p, state, T::from_f64(factor));
-            }
-            _ => fits = false,
-        });
-        model.process_noise(&mut |i, j, value| {
-            fits &= i < real && j <= i;
-            if i < real && j <= i {
-                self.p.add(i, j, T::from_f64(value));
-            }
-        });
-        if fits { Ok(()) } else { Err(FilterError::Shape) }
     }
 
     /// Adds the correction to the mean.
