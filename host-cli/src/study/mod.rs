@@ -10,6 +10,7 @@
 //! | [`drive`] | its choices on a real drive |
 //! | [`smoothing`] | Section 5 of Greiff et al. (2023) |
 //! | [`smoothing_drive`] | smoothing and EM on a real drive |
+//! | [`urban`] | variants of the engine's configuration between buildings |
 
 pub mod drive;
 pub mod files;
@@ -19,3 +20,4 @@ pub mod plot;
 pub mod smoothing;
 pub mod smoothing_drive;
 pub mod statistics;
+pub mod urban;

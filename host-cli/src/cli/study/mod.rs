@@ -7,6 +7,7 @@ mod mixed_integer;
 mod simulation;
 mod smoothing;
 mod smoothing_drive;
+mod urban;
 
 /// Repeat the simulations of a paper, with the numbers they must give, or compare its choices on a real drive.
 #[derive(clap::Args, Debug)]
@@ -21,6 +22,7 @@ enum Command {
     Smoothing(smoothing::Args),
     Drive(drive::Args),
     SmoothingDrive(smoothing_drive::Args),
+    Urban(urban::Args),
 }
 
 /// Runs the command.
@@ -30,5 +32,6 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         Command::Smoothing(args) => smoothing::run(args),
         Command::Drive(args) => drive::run(args),
         Command::SmoothingDrive(args) => smoothing_drive::run(args),
+        Command::Urban(args) => urban::run(args),
     }
 }
