@@ -41,13 +41,16 @@ pub struct Args {
     /// Scenario (TOML); the default city if not given
     #[arg(long, value_name = "FILE")]
     scenario: Option<PathBuf>,
+    /// Tall buildings: a harder city than the default one
+    #[arg(long, conflicts_with = "scenario")]
+    dense: bool,
     /// Seed of everything random, instead of the scenario's
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
     /// Directory for the files; it is made if need be
     #[arg(short, long, value_name = "DIR", default_value = "degraded")]
     output: PathBuf,
-    /// Print the default scenario with all there is, and do nothing else
+    /// Print the scenario of the default city, or of the dense one, with all there is, and do nothing else
     #[arg(long)]
     print_default: bool,
 }
@@ -55,10 +58,11 @@ pub struct Args {
 /// Runs the command.
 pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let mut out = std::io::stdout().lock();
+    let built_in = if args.dense { Scenario::dense() } else { Scenario::default() };
     let rover = match &args.rover {
         Some(rover) if !args.print_default => rover,
         _ => {
-            write!(out, "{}", Scenario::default().to_toml())?;
+            write!(out, "{}", built_in.to_toml())?;
             return Ok(Outcome::Good);
         }
     };
@@ -69,7 +73,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
                 .with_context(|| format!("{name}: cannot be read; check the path, and that it is a text file"))?;
             Scenario::from_toml(&name, &text)?
         }
-        None => Scenario::default(),
+        None => built_in,
     };
     scenario.seed = args.seed.unwrap_or(scenario.seed);
 

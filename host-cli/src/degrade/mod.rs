@@ -137,3 +137,6 @@ fn by_satellite(observations: &[Observation]) -> BTreeMap<SatelliteId, Vec<&Obse
     }
     sorted
 }
+
+#[cfg(test)]
+mod tests;

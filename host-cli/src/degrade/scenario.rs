@@ -11,7 +11,9 @@
 //! | its delay | 5…20 m | twice the distance of a wall 2.5 to 10 m away; makes code errors of 1 to 4 m (rms) |
 //! | correlation | 30 s | slow traffic; the time for which the findings on adaptive noise were made |
 //! | satellites seen by reflection only | 30 % of those blocked, +5…+60 m | at most twice the distance of a wall 2.5 to 30 m away |
-//! | slips | 10 an hour and signal, 1…5 cycles | about one every 6 minutes and satellite in dense streets: several in each stretch |
+//! | slips | 10 an hour and signal, 1…5 cycles | a tracking loop slips every few minutes at weak signals: some in each stretch |
+//!
+//! [`Scenario::dense`] is a harder one.
 
 use crate::simulate::scenario::{ScenarioError, over_defaults, within};
 use serde::{Deserialize, Serialize};
@@ -136,11 +138,22 @@ impl Default for Scenario {
 }
 
 impl Scenario {
+    /// A city of tall buildings: hardly a gap in roofs at 50 to 75° across the street (ten floors, streets of 20 to 50 m),
+    /// half of the hidden satellites reflected, reflections of 0.6 with longer delays, three times as many slips.
+    pub fn dense() -> Self {
+        let city = Self::default();
+        Self {
+            canyons: Canyons { duration_s: [90.0, 150.0], mask_deg: [50.0, 75.0], gap: 0.1, ..city.canyons },
+            reflections: Reflections { amplitude: 0.6, delay_m: [10.0, 30.0], cn0_drop_db: 5.0, ..city.reflections },
+            nlos: Nlos { probability: 0.5, ..city.nlos },
+            slips: Slips { reacquired_flagged: 0.7, per_hour: 30.0, largest: 10 },
+            ..city
+        }
+    }
+
     /// Reads a scenario from TOML that messages call `file`; what it leaves out is the default.
     pub fn from_toml(file: &str, text: &str) -> Result<Self, ScenarioError> {
-        let scenario: Self = over_defaults("degrade", file, text)?;
-        scenario.validate()?;
-        Ok(scenario)
+        over_defaults("degrade", file, text, Self::validate)
     }
 
     /// The scenario as TOML.
@@ -188,6 +201,7 @@ mod tests {
     fn the_default_is_valid_and_comes_back() {
         let default = Scenario::default();
         assert_eq!(Scenario::from_toml("d", &default.to_toml()).unwrap(), default);
+        assert_eq!(Scenario::from_toml("d", &Scenario::dense().to_toml()).unwrap(), Scenario::dense());
         let less = Scenario::from_toml("d", "[slips]\nper_hour = 0").unwrap();
         assert_eq!(less, Scenario { slips: Slips { per_hour: 0.0, ..default.slips }, ..default });
     }
@@ -197,7 +211,10 @@ mod tests {
         for (text, expected) in [
             ("[canyons]\nmasks = 3", "c.toml: there is no `canyons.masks`; see `surefix degrade --print-default`"),
             ("seed =", "line 1"),
-            ("[canyons]\nmask_deg = [60, 35]", "canyons.mask_deg is 35, but must be two angles in order, 0…89°"),
+            (
+                "[canyons]\nmask_deg = [60, 35]",
+                "c.toml: scenario: canyons.mask_deg is 35, but must be two angles in order, 0…89°",
+            ),
             ("[canyons]\nduration_s = [60, 400]", "canyons.duration_s is 400"),
             ("[canyons]\nperiod_s = nan", "canyons.period_s is NaN"),
             ("[nlos]\nprobability = 1.5", "nlos.probability is 1.5, but must be 0…1"),

@@ -270,6 +270,14 @@ pub enum ScenarioError {
         /// The subcommand whose scenario it is.
         command: &'static str,
     },
+    /// A value in a file makes no sense. The message contains its cause, which is therefore no `source`.
+    #[error("{file}: {cause}")]
+    InFile {
+        /// The file.
+        file: String,
+        /// Which value, and what it must be.
+        cause: Box<ScenarioError>,
+    },
     /// A value that makes no sense.
     #[error("scenario: {key} is {value}, but must be {must}")]
     Value {
@@ -285,9 +293,7 @@ pub enum ScenarioError {
 impl Scenario {
     /// Reads a scenario from TOML that messages call `file`; what it leaves out is the default.
     pub fn from_toml(file: &str, text: &str) -> Result<Self, ScenarioError> {
-        let scenario: Self = over_defaults("simulate", file, text)?;
-        scenario.validate()?;
-        Ok(scenario)
+        over_defaults("simulate", file, text, Self::validate)
     }
 
     /// The scenario as TOML.
@@ -371,17 +377,21 @@ pub(crate) fn within(
     if fits { Ok(()) } else { Err(ScenarioError::Value { key, value: value.to_string(), must }) }
 }
 
-/// Reads the scenario of a subcommand from TOML that messages call `file`; what it leaves out is the default.
+/// Reads the scenario of a subcommand from TOML that messages call `file`; what it leaves out is the default. Its values
+/// must pass `validate`.
 pub(crate) fn over_defaults<T: Default + Serialize + DeserializeOwned>(
     command: &'static str,
     file: &str,
     text: &str,
+    validate: impl Fn(&T) -> Result<(), ScenarioError>,
 ) -> Result<T, ScenarioError> {
     let syntax = |problem: String| ScenarioError::Syntax { file: file.to_owned(), problem };
     let given: Table = text.parse().map_err(|error: toml::de::Error| syntax(error.to_string()))?;
     let mut merged = Table::try_from(T::default()).map_err(|error| syntax(error.to_string()))?;
     merge(&mut merged, given).map_err(|key| ScenarioError::UnknownKey { file: file.to_owned(), key, command })?;
-    merged.try_into().map_err(|error: toml::de::Error| syntax(error.to_string()))
+    let scenario: T = merged.try_into().map_err(|error: toml::de::Error| syntax(error.to_string()))?;
+    validate(&scenario).map_err(|cause| ScenarioError::InFile { file: file.to_owned(), cause: Box::new(cause) })?;
+    Ok(scenario)
 }
 
 /// Puts what is given over the defaults; an error is the key that these do not have.

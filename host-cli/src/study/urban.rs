@@ -121,7 +121,9 @@ impl Drive {
         let mut degraded = degrade(&epochs, navigation, scenario)?.epochs.into_iter();
         let mut drive = self.clone();
         for input in &mut drive.inputs {
-            if let (Input::Rover(epoch), Some(degraded)) = (input, degraded.next()) {
+            if let Input::Rover(epoch) = input
+                && let Some(degraded) = degraded.next()
+            {
                 epoch.observations = degraded.observations;
             }
         }

@@ -46,7 +46,7 @@ pub struct Args {
     /// How many cities; seeds 1 to N
     #[arg(long, value_name = "N", default_value_t = 5)]
     seeds: u64,
-    /// Scenario of the cities, as `surefix degrade` has it
+    /// Scenario of the cities, as `surefix degrade` has it; the default city and the dense one if not given
     #[arg(long, value_name = "FILE.toml")]
     scenario: Option<PathBuf>,
     /// Variants; a built-in list if not given
@@ -92,9 +92,9 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         Some(path) => Variant::all(&text(path)?).with_context(|| path.display().to_string())?,
         None => Variant::all(VARIANTS)?,
     };
-    let scenario = match &args.scenario {
-        Some(path) => Scenario::from_toml(&path.display().to_string(), &text(path)?)?,
-        None => Scenario::default(),
+    let scenarios = match &args.scenario {
+        Some(path) => vec![("own city", Scenario::from_toml(&path.display().to_string(), &text(path)?)?)],
+        None => vec![("city", Scenario::default()), ("dense", Scenario::dense())],
     };
     let cases = cases(&args.cases)?;
     let find = |name: &String| {
@@ -114,9 +114,11 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     };
     if args.seeds > 0 {
         let (drive, navigation) = find(&args.city)?.read(&args.data)?;
-        let city = |seed| drive.degraded(&navigation, &Scenario { seed, ..scenario.clone() });
-        let runs = (1..=args.seeds).map(city).collect::<Result<Vec<Drive>, _>>()?;
-        print(urban::run(&format!("{}, city", args.city), &runs, &variants)?)?;
+        for (name, scenario) in &scenarios {
+            let city = |seed| drive.degraded(&navigation, &Scenario { seed, ..scenario.clone() });
+            let runs = (1..=args.seeds).map(city).collect::<Result<Vec<Drive>, _>>()?;
+            print(urban::run(&format!("{}, {name}", args.city), &runs, &variants)?)?;
+        }
     }
     for name in args.cases_as_they_are.iter().filter(|name| *name != "none") {
         let (drive, _) = find(name)?.read(&args.data)?;
