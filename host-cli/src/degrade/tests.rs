@@ -10,7 +10,7 @@ use crate::simulate::simulate;
 use proptest::prelude::*;
 use surefix_core::gnss::geodesy::Geodetic;
 
-/// Ten minutes of a rover on two bands without slips or gaps of its own, and what the satellites broadcast.
+/// 500 s of a rover on two bands without slips or gaps of its own, and what the satellites broadcast.
 fn drive(kind: MotionKind) -> (Vec<ObservationEpoch>, NavigationData) {
     let mut simulated = Simulated { duration_s: 500.0, ..Simulated::default() };
     simulated.rover.motion.kind = kind;
