@@ -6,6 +6,7 @@
 pub mod ambiguity;
 pub mod cli;
 pub mod compare;
+pub mod degrade;
 pub mod log;
 pub mod process;
 pub mod read;

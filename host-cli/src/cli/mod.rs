@@ -5,6 +5,7 @@ use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 
 pub mod compare;
+pub mod degrade;
 pub mod demo;
 pub mod engine;
 pub mod files;
@@ -38,6 +39,7 @@ Exit codes:
 enum Command {
     Post(post::Args),
     Simulate(simulate::Args),
+    Degrade(degrade::Args),
     Demo(demo::Args),
     Compare(compare::Args),
     Log(log::Args),
@@ -76,6 +78,7 @@ pub fn main() -> ExitCode {
     let outcome = match cli.command {
         Command::Post(args) => post::run(&args),
         Command::Simulate(args) => simulate::run(&args),
+        Command::Degrade(args) => degrade::run(&args),
         Command::Demo(args) => demo::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Log(args) => log::run(&args),

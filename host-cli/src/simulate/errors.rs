@@ -19,35 +19,49 @@ pub struct Sample {
     pub cn0: f64,
 }
 
+/// A pair of independent first-order Gauss–Markov processes of unit variance.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct GaussMarkov {
+    last: Option<GpsTime>,
+    states: [f64; 2],
+}
+
+impl GaussMarkov {
+    /// The states at the next epoch, correlated with the ones before over `time_s` `[s]`.
+    pub fn next(&mut self, time: GpsTime, time_s: f64, rng: &mut ChaCha8Rng) -> [f64; 2] {
+        // x_k = φ x_{k−1} + √(1 − φ²) w with φ = exp(−Δt/τ): unit variance at all times.
+        let memory = self.last.map_or(0.0, |last| (-time.since(last) / time_s).exp());
+        self.last = Some(time);
+        for state in &mut self.states {
+            *state = memory * *state + (1.0 - memory * memory).sqrt() * rng.sample::<f64, _>(StandardNormal);
+        }
+        self.states
+    }
+}
+
 /// The errors of one signal of one satellite at one receiver, over time.
 #[derive(Clone, Debug)]
 pub struct Errors {
     rng: ChaCha8Rng,
-    last: Option<GpsTime>,
     /// Multipath of code and phase in units of its standard deviation.
-    multipath: [f64; 2],
+    multipath: GaussMarkov,
 }
 
 impl Errors {
     /// Errors drawn from `rng`.
     pub fn new(rng: ChaCha8Rng) -> Self {
-        Self { rng, last: None, multipath: [0.0; 2] }
+        Self { rng, multipath: GaussMarkov::default() }
     }
 
     /// The errors at the next epoch.
     pub fn next(&mut self, time: GpsTime, elevation: f64, noise: &Noise, multipath: &Multipath) -> Sample {
-        // x_k = φ x_{k−1} + √(1 − φ²) w with φ = exp(−Δt/τ): unit variance at all times.
-        let memory = self.last.map_or(0.0, |last| (-time.since(last) / multipath.time_s).exp());
-        self.last = Some(time);
+        let [code, phase] = self.multipath.next(time, multipath.time_s, &mut self.rng);
         let mut normal = || self.rng.sample::<f64, _>(StandardNormal);
-        for state in &mut self.multipath {
-            *state = memory * *state + (1.0 - memory * memory).sqrt() * normal();
-        }
         let drop = noise.cn0_drop * (1.0 - elevation.sin());
         let weakness = 10_f64.powf(drop / 20.0);
         Sample {
-            code: weakness * (noise.code_m * normal() + multipath.code_m * self.multipath[0]),
-            phase: weakness * (noise.phase_m * normal() + multipath.phase_m * self.multipath[1]),
+            code: weakness * (noise.code_m * normal() + multipath.code_m * code),
+            phase: weakness * (noise.phase_m * normal() + multipath.phase_m * phase),
             rate: weakness * noise.doppler_m_s * normal(),
             cn0: noise.cn0_zenith - drop + noise.cn0_sigma * normal(),
         }

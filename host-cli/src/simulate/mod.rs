@@ -187,7 +187,7 @@ impl Channel {
 }
 
 /// Rounded to three decimals, as files have them.
-fn thousandths(value: f64) -> f64 {
+pub(crate) fn thousandths(value: f64) -> f64 {
     (value * 1e3).round() / 1e3
 }
 

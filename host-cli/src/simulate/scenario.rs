@@ -4,6 +4,7 @@
 //! differs; a key that the default does not have is an error that names it.
 
 use nalgebra::Vector3;
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use surefix_core::gnss::geodesy::Geodetic;
 use surefix_core::gnss::satellite::Constellation;
@@ -260,12 +261,22 @@ pub enum ScenarioError {
         problem: String,
     },
     /// A key that does not exist.
-    #[error("{file}: there is no `{key}`; see `surefix simulate --print-default` for what there is")]
+    #[error("{file}: there is no `{key}`; see `surefix {command} --print-default` for what there is")]
     UnknownKey {
         /// The file.
         file: String,
         /// The key with the tables that it is in.
         key: String,
+        /// The subcommand whose scenario it is.
+        command: &'static str,
+    },
+    /// A value in a file makes no sense. The message contains its cause, which is therefore no `source`.
+    #[error("{file}: {cause}")]
+    InFile {
+        /// The file.
+        file: String,
+        /// Which value, and what it must be.
+        cause: Box<ScenarioError>,
     },
     /// A value that makes no sense.
     #[error("scenario: {key} is {value}, but must be {must}")]
@@ -282,13 +293,7 @@ pub enum ScenarioError {
 impl Scenario {
     /// Reads a scenario from TOML that messages call `file`; what it leaves out is the default.
     pub fn from_toml(file: &str, text: &str) -> Result<Self, ScenarioError> {
-        let syntax = |problem: String| ScenarioError::Syntax { file: file.to_owned(), problem };
-        let given: Table = text.parse().map_err(|error: toml::de::Error| syntax(error.to_string()))?;
-        let mut merged = Table::try_from(Self::default()).map_err(|error| syntax(error.to_string()))?;
-        merge(&mut merged, given).map_err(|key| ScenarioError::UnknownKey { file: file.to_owned(), key })?;
-        let scenario: Self = merged.try_into().map_err(|error| syntax(error.to_string()))?;
-        scenario.validate()?;
-        Ok(scenario)
+        over_defaults("simulate", file, text, Self::validate)
     }
 
     /// The scenario as TOML.
@@ -328,10 +333,6 @@ impl Scenario {
 
     /// Whether all values make sense.
     pub fn validate(&self) -> Result<(), ScenarioError> {
-        let within = |key: &'static str, value: f64, low: f64, high: f64, must: &'static str| {
-            let fits = (low..=high).contains(&value);
-            if fits { Ok(()) } else { Err(ScenarioError::Value { key, value: value.to_string(), must }) }
-        };
         within("week", self.week.into(), 1.0, 9999.0, "1…9999")?;
         within("tow_s", self.tow_s, 0.0, 604_799.0, "0…604799 s")?;
         within("duration_s", self.duration_s, 0.0, 86_400.0, "at most a day")?;
@@ -364,8 +365,37 @@ impl Scenario {
     }
 }
 
+/// Refuses a value outside `low` to `high`, NaN too.
+pub(crate) fn within(
+    key: &'static str,
+    value: f64,
+    low: f64,
+    high: f64,
+    must: &'static str,
+) -> Result<(), ScenarioError> {
+    let fits = (low..=high).contains(&value);
+    if fits { Ok(()) } else { Err(ScenarioError::Value { key, value: value.to_string(), must }) }
+}
+
+/// Reads the scenario of a subcommand from TOML that messages call `file`; what it leaves out is the default. Its values
+/// must pass `validate`.
+pub(crate) fn over_defaults<T: Default + Serialize + DeserializeOwned>(
+    command: &'static str,
+    file: &str,
+    text: &str,
+    validate: impl Fn(&T) -> Result<(), ScenarioError>,
+) -> Result<T, ScenarioError> {
+    let syntax = |problem: String| ScenarioError::Syntax { file: file.to_owned(), problem };
+    let given: Table = text.parse().map_err(|error: toml::de::Error| syntax(error.to_string()))?;
+    let mut merged = Table::try_from(T::default()).map_err(|error| syntax(error.to_string()))?;
+    merge(&mut merged, given).map_err(|key| ScenarioError::UnknownKey { file: file.to_owned(), key, command })?;
+    let scenario: T = merged.try_into().map_err(|error: toml::de::Error| syntax(error.to_string()))?;
+    validate(&scenario).map_err(|cause| ScenarioError::InFile { file: file.to_owned(), cause: Box::new(cause) })?;
+    Ok(scenario)
+}
+
 /// Puts what is given over the defaults; an error is the key that these do not have.
-fn merge(defaults: &mut Table, given: Table) -> Result<(), String> {
+pub(crate) fn merge(defaults: &mut Table, given: Table) -> Result<(), String> {
     for (key, value) in given {
         match (defaults.get_mut(&key), value) {
             (None, _) => return Err(key),

@@ -12,6 +12,7 @@
 //! | [`smoothing`] | Section 5 of Greiff et al. (2023) |
 //! | [`smoothing_drive`] | smoothing and EM on a real drive |
 //! | [`integrity`] | two vehicles, four kinds of noise: Wang et al. (2022) |
+//! | [`urban`] | variants of the engine's configuration between buildings |
 
 pub mod acceptance;
 pub mod drive;
@@ -23,3 +24,4 @@ pub mod plot;
 pub mod smoothing;
 pub mod smoothing_drive;
 pub mod statistics;
+pub mod urban;

@@ -8,6 +8,7 @@ mod mixed_integer;
 mod simulation;
 mod smoothing;
 mod smoothing_drive;
+mod urban;
 
 /// Repeat the simulations of a paper, with the numbers they must give, or compare its choices on a real drive.
 #[derive(clap::Args, Debug)]
@@ -23,6 +24,7 @@ enum Command {
     Integrity(integrity::Args),
     Drive(drive::Args),
     SmoothingDrive(smoothing_drive::Args),
+    Urban(urban::Args),
 }
 
 /// Runs the command.
@@ -33,5 +35,6 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         Command::Integrity(args) => integrity::run(args),
         Command::Drive(args) => drive::run(args),
         Command::SmoothingDrive(args) => smoothing_drive::run(args),
+        Command::Urban(args) => urban::run(args),
     }
 }
