@@ -6,10 +6,12 @@
 //! P. J. G. Teunissen (1995), eq. (2.6). With Q_nn = L Lᵀ, W = L⁻¹ Q_nx (m × s) and z = L⁻¹ (n̂ − ň) this is
 //! x̂ − Wᵀ z and P_xx − Wᵀ W. Cost m³/3 + m² s + m s²; the joint density is not touched.
 //!
-//! For integer *combinations* of states use [`crate::linalg::block::update_block`] with the combinations as rows and
-//! R = 0.
+//! Integers of *combinations* z = Z₂ᵀ n, as [`super::partial::resolve_partial`] finds them, come with their factors,
+//! Z₂ᵀ Q_nn Z₂ = U D Uᵀ. With W = U⁻¹ Z₂ᵀ Q_nx and e = U⁻¹ (ẑ − ž) it is x̂ − Wᵀ D⁻¹ e and P_xx − Wᵀ D⁻¹ W; cost
+//! m n s + m² s + m s².
 
 use super::IntegerError;
+use super::partial::PartialResolution;
 use crate::linalg::{Mat, MatMut, axpy, block, cholesky, dot, triangular};
 use crate::real::Real;
 
@@ -69,6 +71,57 @@ pub fn condition_on_integers<T: Real>(
     }
     block::subtract_gram(conditional_covariance, cross.as_ref());
     Ok(norm)
+}
+
+/// The states `states` (s) of the density (`mean`, `covariance`) given the combinations `found` of the states
+/// `ambiguities` (n).
+///
+/// `cross` (m × s) is workspace; `conditional_mean` (s) and `conditional_covariance` (s × s) return the result.
+pub fn condition_on_combinations<T: Real>(
+    mean: &[T],
+    covariance: Mat<'_, T>,
+    states: &[usize],
+    ambiguities: &[usize],
+    found: &PartialResolution<'_, T>,
+    cross: &mut MatMut<'_, T>,
+    conditional_mean: &mut [T],
+    conditional_covariance: &mut MatMut<'_, T>,
+) -> Result<(), IntegerError> {
+    let (n, s, m) = (mean.len(), states.len(), found.values.len());
+    let fits = [covariance.rows(), covariance.cols()] == [n; 2]
+        && [found.combinations.cols(), found.combinations.rows()] == [ambiguities.len(), m]
+        && [cross.rows(), cross.cols()] == [m, s]
+        && [conditional_mean.len(), conditional_covariance.rows(), conditional_covariance.cols()] == [s; 3]
+        && states.iter().chain(ambiguities).all(|&i| i < n);
+    if !fits {
+        return Err(IntegerError::Shape);
+    }
+    let rows = conditional_mean.iter_mut().zip(conditional_covariance.iter_mut());
+    for (&state, (conditional_mean, row)) in states.iter().zip(rows) {
+        *conditional_mean = *mean.get(state).ok_or(IntegerError::Shape)?;
+        for (entry, &column) in row.iter_mut().zip(states) {
+            *entry = covariance.at(state, column);
+        }
+    }
+    for i in (0..m).rev() {
+        for (entry, &state) in cross.row_mut(i).iter_mut().zip(states) {
+            *entry = T::ZERO;
+            for (&t, &ambiguity) in found.combinations.row(i).iter().zip(ambiguities).filter(|(t, _)| **t != 0) {
+                *entry = *entry + T::from_f64(t as f64) * covariance.at(ambiguity, state);
+            }
+        }
+        for k in i + 1..m {
+            let (row, later) = cross.row_pair(i, k);
+            axpy(row, -found.factor.at(i, k), later);
+        }
+    }
+    for (row, (&variance, &residual)) in cross.iter_mut().zip(found.variances.iter().zip(found.residual)) {
+        axpy(conditional_mean, -residual / variance, row);
+        let sigma = variance.sqrt();
+        row.iter_mut().for_each(|entry| *entry = *entry / sigma);
+    }
+    block::subtract_gram(conditional_covariance, cross.as_ref());
+    if conditional_mean.iter().all(|x| x.is_finite()) { Ok(()) } else { Err(IntegerError::NotFinite) }
 }
 
 #[cfg(test)]

@@ -38,6 +38,12 @@ pub struct PartialResolution<'w, T> {
     pub nodes: u32,
     /// How the integers were found.
     pub method: Method,
+    /// Conditional variances D of the combinations (m): Z₂ᵀ Q Z₂ = U D Uᵀ.
+    pub variances: &'w [T],
+    /// U (m × m), upper unit triangular.
+    pub factor: Mat<'w, T>,
+    /// U⁻¹ (Z₂ᵀ â − ž) (m).
+    pub residual: &'w [T],
 }
 
 impl<T: Real> PartialResolution<'_, T> {
@@ -118,6 +124,7 @@ fn resolve_partial_in<'w, T: Real>(
     let success_rate = success_rate::bootstrapped(variances);
     let adop = success_rate::adop(variances);
     let combinations = work.transform.into_ref().block(first, 0, n - first, n)?;
+    let factor = work.factor.into_ref().block(first, first, n - first, n - first)?;
     Ok(PartialResolution {
         combinations,
         values: tail(work.candidates.into_ref().row(0), first),
@@ -129,6 +136,9 @@ fn resolve_partial_in<'w, T: Real>(
         adop,
         nodes: fix.nodes,
         method: fix.method,
+        variances,
+        factor,
+        residual: tail(work.residual, first),
     })
 }
 
@@ -159,6 +169,7 @@ pub fn select<T: Real>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::integer::condition::condition_on_combinations;
     use crate::integer::resolve;
     use crate::linalg::block::update_block;
     use crate::linalg::spd;
@@ -223,6 +234,26 @@ mod tests {
             .unwrap();
             for i in 0..n {
                 prop_assert!((mean[i] - found.conditional[i]).abs() < 1e-6, "{} {}", mean[i], found.conditional[i]);
+            }
+            // And so is any part of the density that holds them.
+            let (states, all): (Vec<usize>, Vec<usize>) = ((0..2).collect(), (0..n).collect());
+            let (mut cross, mut part, mut block) = (vec![0.0; m * 2], [0.0; 2], [0.0; 4]);
+            condition_on_combinations(
+                a,
+                q_view,
+                &states,
+                &all,
+                &found,
+                &mut MatMut::new(&mut cross, m, 2, 2).unwrap(),
+                &mut part,
+                &mut MatMut::square(&mut block, 2).unwrap(),
+            )
+            .unwrap();
+            for i in 0..2 {
+                prop_assert!((part[i] - mean[i]).abs() < 1e-6, "{} {}", part[i], mean[i]);
+                for j in 0..2 {
+                    prop_assert!((block[2 * i + j] - p[i * n + j]).abs() < 1e-9, "{} {}", block[2 * i + j], p[i * n + j]);
+                }
             }
         }
     }

@@ -11,6 +11,9 @@
 //! first, is fixed as well if, given all integers so far, the product of all success rates still reaches P₀. The product
 //! bounds the accumulated risk.
 //!
+//! [`resolve_subset`] does all of it on memory of its own; [`choose`] and [`help_rest`] are its two halves for an owner of
+//! a larger density with tests and memory of its own.
+//!
 //! The third way, by conditional variance in the decorrelated space, is [`super::partial`].
 //!
 //! Cost: one decorrelation for each set examined, at most as many as there are satellites, or the budget; one Cholesky
@@ -53,6 +56,10 @@ pub struct Options {
     pub min_satellites: usize,
     /// Whether the fixed ones help the rest.
     pub assist: bool,
+    /// Least ratio of the two best norms of what is helped (1: not tested).
+    pub min_ratio: f64,
+    /// How much larger variances are than the covariance says, for all success rates.
+    pub variance_factor: f64,
     /// How far each search for integers may go.
     pub config: Config,
 }
@@ -64,6 +71,8 @@ impl Options {
         min_success: 0.95,
         min_satellites: 3,
         assist: true,
+        min_ratio: 1.0,
+        variance_factor: 1.0,
         config: Config::DEFAULT,
     };
 }
@@ -97,20 +106,78 @@ pub struct Subset<'w, T> {
     pub examined: usize,
 }
 
-/// Memory for up to N ambiguities: 6 N² numbers of 8 bytes.
+/// The joint density of which ambiguities are to be fixed.
+#[derive(Clone, Copy, Debug)]
+pub struct Problem<'a, T> {
+    /// Mean of all states; ambiguities `[cycles]`.
+    pub mean: &'a [T],
+    /// Covariance of all states.
+    pub covariance: Mat<'a, T>,
+    /// Which states are ambiguities (n).
+    pub ambiguities: &'a [usize],
+    /// The satellite of each (n).
+    pub of: &'a [u8],
+    /// The satellites, the most trusted first; only the first mention of each counts.
+    pub order: &'a [u8],
+}
+
+/// Which satellites and ambiguities are in a subset.
+#[derive(Debug)]
+pub struct Sets<T, const N: usize> {
+    /// Satellites of the subset, the most trusted first.
+    pub trial: Vec<u8, N>,
+    /// States of the subset, in the order of their fixing.
+    pub states: Vec<usize, N>,
+    /// Their integers `[cycles]`.
+    pub values: Vec<T, N>,
+}
+
+impl<T, const N: usize> Default for Sets<T, N> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl<T, const N: usize> Sets<T, N> {
+    /// Nothing.
+    pub const fn new() -> Self {
+        Self { trial: Vec::new(), states: Vec::new(), values: Vec::new() }
+    }
+
+    /// Takes all satellites of `order`, each once, as the subset to start from.
+    pub fn begin(&mut self, order: impl Iterator<Item = u8>) -> Result<(), IntegerError> {
+        self.trial.clear();
+        for satellite in order {
+            if !self.trial.contains(&satellite) {
+                self.trial.push(satellite).map_err(|_| IntegerError::Capacity)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Memory that nothing is left in, to be borrowed from an owner that has other uses for it.
+#[derive(Debug)]
+pub struct Scratch<'w, T, const N: usize> {
+    /// For decorrelation and search.
+    pub integers: &'w mut Workspace<T, N>,
+    /// A part of the mean, or of residuals.
+    pub vector: &'w mut [T; N],
+    /// A part of the covariance, or its Cholesky factor.
+    pub square: &'w mut [[T; N]; N],
+    /// N × [`MAX_BANDS`] numbers.
+    pub cross: &'w mut [T],
+}
+
+/// Memory for up to N ambiguities: 5 N² numbers of 8 bytes.
 #[derive(Debug)]
 pub struct SubsetWorkspace<T, const N: usize> {
     integers: Workspace<T, N>,
-    a: [T; N],
-    q: [[T; N]; N],
-    factor: [[T; N]; N],
+    vector: [T; N],
+    square: [[T; N]; N],
     cross: [[T; MAX_BANDS]; N],
-    residual: [T; N],
-    indices: Vec<usize, N>,
-    values: Vec<T, N>,
-    satellites: Vec<u8, N>,
-    trial: Vec<u8, N>,
-    kept: Vec<u8, N>,
+    ambiguities: Vec<usize, N>,
+    sets: Sets<T, N>,
 }
 
 impl<T: Real, const N: usize> Default for SubsetWorkspace<T, N> {
@@ -124,16 +191,11 @@ impl<T: Real, const N: usize> SubsetWorkspace<T, N> {
     pub const fn new() -> Self {
         Self {
             integers: Workspace::new(),
-            a: [T::ZERO; N],
-            q: [[T::ZERO; N]; N],
-            factor: [[T::ZERO; N]; N],
+            vector: [T::ZERO; N],
+            square: [[T::ZERO; N]; N],
             cross: [[T::ZERO; MAX_BANDS]; N],
-            residual: [T::ZERO; N],
-            indices: Vec::new(),
-            values: Vec::new(),
-            satellites: Vec::new(),
-            trial: Vec::new(),
-            kept: Vec::new(),
+            ambiguities: Vec::new(),
+            sets: Sets::new(),
         }
     }
 
@@ -141,29 +203,6 @@ impl<T: Real, const N: usize> SubsetWorkspace<T, N> {
     pub fn success_rate(&mut self, a: &[T], q: Mat<'_, T>) -> Result<Probability, IntegerError> {
         let mut work = self.integers.work(a.len())?;
         work.prepare(a, q)?;
-        Ok(success_rate::bootstrapped(work.variances))
-    }
-
-    /// The ambiguities of the satellites in `trial`, in the order of `a`, into `indices`.
-    fn gather(&mut self, of: &[u8]) {
-        self.indices.clear();
-        for (i, satellite) in of.iter().enumerate() {
-            if self.trial.contains(satellite) {
-                // There are at most N, as checked on entry.
-                let _ = self.indices.push(i);
-            }
-        }
-    }
-
-    /// Bootstrapped success rate of `trial` after decorrelation.
-    fn rate(&mut self, a: &[T], q: Mat<'_, T>, of: &[u8]) -> Result<Probability, IntegerError> {
-        self.gather(of);
-        let m = self.indices.len();
-        let mut sub_q = MatMut::new(self.q.as_flattened_mut(), m, m, N)?;
-        let sub_a = self.a.get_mut(..m).ok_or(IntegerError::Capacity)?;
-        select(a, q, &self.indices, sub_a, &mut sub_q)?;
-        let mut work = self.integers.work(m)?;
-        work.prepare(sub_a, sub_q.as_ref())?;
         Ok(success_rate::bootstrapped(work.variances))
     }
 }
@@ -186,36 +225,31 @@ pub fn resolve_subset<'w, T: Real, const N: usize>(
     if n > N {
         return Err(IntegerError::Capacity);
     }
-    workspace.satellites.clear();
-    for satellite in order.iter().filter(|satellite| of.contains(satellite)) {
-        if !workspace.satellites.contains(satellite) {
-            workspace.satellites.push(*satellite).map_err(|_| IntegerError::Capacity)?;
-        }
-    }
-    let Some((chosen_rate, full_success_rate, examined)) = choose(a, q, of, options, workspace)? else {
+    let SubsetWorkspace { integers, vector, square, cross, ambiguities, sets } = workspace;
+    ambiguities.clear();
+    ambiguities.extend(0..n);
+    sets.begin(order.iter().copied().filter(|satellite| of.contains(satellite)))?;
+    let problem = Problem { mean: a, covariance: q, ambiguities, of, order };
+    let mut scratch = Scratch { integers, vector, square, cross: cross.as_flattened_mut() };
+    let Some(Chosen { success_rate, first: full_success_rate, examined }) =
+        choose(&problem, options, sets, &mut scratch)?
+    else {
         return Ok(None);
     };
-    let m = workspace.indices.len();
-    let sub_q = MatMut::new(workspace.q.as_flattened_mut(), m, m, N)?;
-    let sub_a = workspace.a.get(..m).ok_or(IntegerError::Capacity)?;
-    let resolution = resolve(sub_a, sub_q.as_ref(), &options.config, &mut workspace.integers)?;
+    let m = sets.states.len();
+    let sub_q = MatMut::new(scratch.square.as_flattened_mut(), m, m, N)?;
+    let sub_a = scratch.vector.get(..m).ok_or(IntegerError::Capacity)?;
+    let resolution = resolve(sub_a, sub_q.as_ref(), &options.config, scratch.integers)?;
     let (ratio, norms, method) = (resolution.ratio, [resolution.best_norm, resolution.second_norm], resolution.method);
-    workspace.values.clear();
+    sets.values.clear();
     for &integer in resolution.best {
-        let _ = workspace.values.push(T::from_f64(integer as f64));
+        let _ = sets.values.push(T::from_f64(integer as f64));
     }
-    let mut success_rate = chosen_rate;
-    if options.assist {
-        for k in 0..workspace.satellites.len() {
-            let Some(&satellite) = workspace.satellites.get(k) else { break };
-            if !workspace.trial.contains(&satellite) {
-                success_rate = help(a, q, of, satellite, options, success_rate, workspace)?;
-            }
-        }
-    }
+    let success_rate =
+        if options.assist { help_rest(&problem, options, success_rate, sets, &mut scratch)? } else { success_rate };
     Ok(Some(Subset {
-        indices: &workspace.indices,
-        values: &workspace.values,
+        indices: &sets.states,
+        values: &sets.values,
         chosen: m,
         success_rate,
         ratio,
@@ -226,87 +260,159 @@ pub fn resolve_subset<'w, T: Real, const N: usize>(
     }))
 }
 
-/// The first set that reaches P₀ is left in `trial`, `indices`, `a` and `q`: its rate, that of all, and sets examined.
-fn choose<T: Real, const N: usize>(
-    a: &[T],
-    q: Mat<'_, T>,
-    of: &[u8],
+/// What [`choose`] found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Chosen {
+    /// Success rate of the set.
+    pub success_rate: Probability,
+    /// Success rate of the first set examined.
+    pub first: Probability,
+    /// Sets examined.
+    pub examined: usize,
+}
+
+/// From the satellites in `sets.trial` down, the first set that reaches P₀; `None` if none does. It is left in
+/// `sets.trial` and `sets.states`, its part of the density in `scratch`.
+pub fn choose<T: Real, const N: usize>(
+    problem: &Problem<'_, T>,
     options: &Options,
-    workspace: &mut SubsetWorkspace<T, N>,
-) -> Result<Option<(Probability, Probability, usize)>, IntegerError> {
-    workspace.trial = workspace.satellites.clone();
+    sets: &mut Sets<T, N>,
+    scratch: &mut Scratch<'_, T, N>,
+) -> Result<Option<Chosen>, IntegerError> {
     let least = options.min_satellites.max(1);
-    let (mut full, mut examined) = (None, 0);
-    while workspace.trial.len() >= least {
-        let rate = workspace.rate(a, q, of)?;
+    let (mut first, mut examined) = (None, 0);
+    while sets.trial.len() >= least {
+        let rate = rate(problem, options, sets, scratch)?;
         examined += 1;
-        let all = *full.get_or_insert(rate);
+        let all = *first.get_or_insert(rate);
         if rate.success >= options.min_success {
-            return Ok(Some((rate, all, examined)));
+            return Ok(Some(Chosen { success_rate: rate, first: all, examined }));
         }
-        workspace.kept = workspace.trial.clone();
-        let mut worst = workspace.kept.len() - 1;
-        if let Strategy::Search { budget } = options.strategy {
-            let mut best = -1.0;
-            for leave in (0..workspace.kept.len()).rev() {
-                if examined >= usize::from(budget) || workspace.kept.len() <= least {
-                    break;
-                }
-                workspace.trial = workspace.kept.clone();
-                workspace.trial.remove(leave);
-                let rate = workspace.rate(a, q, of)?.success;
-                examined += 1;
-                if rate > best {
-                    (best, worst) = (rate, leave);
-                }
-            }
-        }
-        workspace.trial = workspace.kept.clone();
-        workspace.trial.remove(worst);
+        let worst = weakest(problem, options, &mut examined, sets, scratch)?;
+        sets.trial.remove(worst);
     }
     Ok(None)
 }
 
+/// Index of the satellite in `sets.trial` (not empty) that is to go next.
+fn weakest<T: Real, const N: usize>(
+    problem: &Problem<'_, T>,
+    options: &Options,
+    examined: &mut usize,
+    sets: &mut Sets<T, N>,
+    scratch: &mut Scratch<'_, T, N>,
+) -> Result<usize, IntegerError> {
+    let mut worst = sets.trial.len().saturating_sub(1);
+    let Strategy::Search { budget } = options.strategy else { return Ok(worst) };
+    let mut best = -1.0;
+    for leave in (0..sets.trial.len()).rev() {
+        if *examined >= usize::from(budget) || sets.trial.len() <= options.min_satellites.max(1) {
+            break;
+        }
+        let left = sets.trial.remove(leave);
+        let rate = rate(problem, options, sets, scratch)?.success;
+        let _ = sets.trial.insert(leave, left);
+        *examined += 1;
+        if rate > best {
+            (best, worst) = (rate, leave);
+        }
+    }
+    Ok(worst)
+}
+
+/// Bootstrapped success rate of the satellites in `sets.trial` after decorrelation; their states into `sets.states`.
+fn rate<T: Real, const N: usize>(
+    problem: &Problem<'_, T>,
+    options: &Options,
+    sets: &mut Sets<T, N>,
+    scratch: &mut Scratch<'_, T, N>,
+) -> Result<Probability, IntegerError> {
+    sets.states.clear();
+    for (&state, satellite) in problem.ambiguities.iter().zip(problem.of) {
+        if sets.trial.contains(satellite) {
+            sets.states.push(state).map_err(|_| IntegerError::Capacity)?;
+        }
+    }
+    let m = sets.states.len();
+    let mut sub_q = MatMut::new(scratch.square.as_flattened_mut(), m, m, N)?;
+    let sub_a = scratch.vector.get_mut(..m).ok_or(IntegerError::Capacity)?;
+    select(problem.mean, problem.covariance, &sets.states, sub_a, &mut sub_q)?;
+    let mut work = scratch.integers.work(m)?;
+    work.prepare(sub_a, sub_q.as_ref())?;
+    let factor = T::from_f64(options.variance_factor);
+    work.variances.iter_mut().for_each(|variance| *variance = *variance * factor);
+    Ok(success_rate::bootstrapped(work.variances))
+}
+
+/// Fixes, given the states and values in `sets`, the ambiguities of each satellite that is not among `sets.trial`, the
+/// most trusted first, as far as the product of all success rates allows it. `so_far` is that of the set; returns the
+/// product.
+pub fn help_rest<T: Real, const N: usize>(
+    problem: &Problem<'_, T>,
+    options: &Options,
+    so_far: Probability,
+    sets: &mut Sets<T, N>,
+    scratch: &mut Scratch<'_, T, N>,
+) -> Result<Probability, IntegerError> {
+    let mut product = so_far;
+    for (k, &satellite) in problem.order.iter().enumerate() {
+        let again = problem.order.iter().take(k).any(|&other| other == satellite);
+        if !again && !sets.trial.contains(&satellite) {
+            product = help(problem, satellite, options, product, sets, scratch)?;
+        }
+    }
+    Ok(product)
+}
+
 /// Fixes the ambiguities of a satellite given those fixed so far, if the product of all rates allows it; returns the product.
 fn help<T: Real, const N: usize>(
-    a: &[T],
-    q: Mat<'_, T>,
-    of: &[u8],
+    problem: &Problem<'_, T>,
     satellite: u8,
     options: &Options,
     so_far: Probability,
-    workspace: &mut SubsetWorkspace<T, N>,
+    sets: &mut Sets<T, N>,
+    scratch: &mut Scratch<'_, T, N>,
 ) -> Result<Probability, IntegerError> {
     let mut states: Vec<usize, MAX_BANDS> = Vec::new();
-    for (i, _) in of.iter().enumerate().filter(|(_, other)| **other == satellite) {
-        states.push(i).map_err(|_| IntegerError::Capacity)?;
+    for (&state, _) in problem.ambiguities.iter().zip(problem.of).filter(|(_, other)| **other == satellite) {
+        if !sets.states.contains(&state) {
+            states.push(state).map_err(|_| IntegerError::Capacity)?;
+        }
     }
-    let (m, s) = (workspace.indices.len(), states.len());
+    let (m, s) = (sets.states.len(), states.len());
+    if s == 0 {
+        return Ok(so_far);
+    }
     let (mut mean, mut covariance) = ([T::ZERO; MAX_BANDS], [[T::ZERO; MAX_BANDS]; MAX_BANDS]);
-    let (Some(mean), Some(residual)) = (mean.get_mut(..s), workspace.residual.get_mut(..m)) else {
+    let (Some(mean), Some(residual)) = (mean.get_mut(..s), scratch.vector.get_mut(..m)) else {
         return Err(IntegerError::Capacity);
     };
     let mut conditional = MatMut::new(covariance.as_flattened_mut(), s, s, MAX_BANDS)?;
     condition_on_integers(
-        a,
-        q,
+        problem.mean,
+        problem.covariance,
         &states,
-        &workspace.indices,
-        &workspace.values,
-        &mut MatMut::new(workspace.factor.as_flattened_mut(), m, m, N)?,
-        &mut MatMut::new(workspace.cross.as_flattened_mut(), m, s, MAX_BANDS)?,
+        &sets.states,
+        &sets.values,
+        &mut MatMut::new(scratch.square.as_flattened_mut(), m, m, N)?,
+        &mut MatMut::new(scratch.cross, m, s, MAX_BANDS)?,
         residual,
         mean,
         &mut conditional,
     )?;
-    let resolution = resolve(mean, conditional.as_ref(), &options.config, &mut workspace.integers)?;
-    let product = so_far.and(resolution.success_rate);
-    if product.success < options.min_success || resolution.method != Method::LeastSquares {
+    let resolution = resolve(mean, conditional.as_ref(), &options.config, scratch.integers)?;
+    let mut variances = [T::ZERO; MAX_BANDS];
+    for (scaled, &variance) in variances.iter_mut().zip(resolution.variances) {
+        *scaled = variance * T::from_f64(options.variance_factor);
+    }
+    let product = so_far.and(success_rate::bootstrapped(variances.get(..s).unwrap_or_default()));
+    let clear = resolution.method == Method::LeastSquares && resolution.ratio.to_f64() >= options.min_ratio;
+    if product.success < options.min_success || !clear {
         return Ok(so_far);
     }
     for (&state, &integer) in states.iter().zip(resolution.best) {
-        let _ = workspace.indices.push(state);
-        let _ = workspace.values.push(T::from_f64(integer as f64));
+        let _ = sets.states.push(state);
+        let _ = sets.values.push(T::from_f64(integer as f64));
     }
     Ok(product)
 }
@@ -379,13 +485,13 @@ mod tests {
     proptest! {
         /// Whatever is fixed reaches P₀, each ambiguity once, and with P₀ = 0 all are.
         #[test]
-        fn the_product_reaches_the_threshold((n, q) in spd::matrix(1..9usize), a in prop::collection::vec(-1e3..1e3f64, 8), least in 0.0..1.0, search: bool) {
+        fn the_product_reaches_the_threshold((n, q) in spd::matrix(1..9usize), a in prop::collection::vec(-1e3..1e3f64, 8), least in 0.0..1.0, search: bool, factor in 1.0..4.0f64, ratio in 1.0..3.0f64) {
             let q: Vec<f64, 64> = q.iter().map(|x| 0.1 * x).collect();
             let q = Mat::square(&q, n).unwrap();
             let of: std::vec::Vec<u8> = (0..n as u8).map(|i| i / 2).collect();
             let strategy = if search { Choice::Search { budget: 10 } } else { Choice::Elevation };
             let mut work = Work::new();
-            let options = Options { strategy, min_success: least, min_satellites: 1, ..Options::default() };
+            let options = Options { strategy, min_success: least, min_satellites: 1, min_ratio: ratio, variance_factor: factor, ..Options::default() };
             if let Some(subset) = resolve_subset(&a[..n], q, &of, &[3, 2, 1, 0], &options, &mut work).unwrap() {
                 prop_assert!(subset.success_rate.success >= least);
                 let mut indices = subset.indices.to_vec();
@@ -393,7 +499,7 @@ mod tests {
                 indices.dedup();
                 prop_assert!(indices.len() == subset.indices.len() && subset.values.len() == indices.len());
             }
-            let all = Options { min_success: 0.0, ..options };
+            let all = Options { min_success: 0.0, min_ratio: 1.0, ..options };
             let subset = resolve_subset(&a[..n], q, &of, &[3, 2, 1, 0], &all, &mut work).unwrap().unwrap();
             prop_assert_eq!(subset.indices.len(), n);
         }

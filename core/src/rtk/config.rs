@@ -55,6 +55,25 @@ impl BandPlan {
     }
 }
 
+/// Which ambiguities stay float where the whole set is not accepted.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
+pub enum Partial {
+    /// The least trusted eighth (not accepted before, low), again and again.
+    #[default]
+    Weakest,
+    /// The least trusted satellites with all their bands, until the success rate suffices.
+    Elevation,
+    /// The satellites whose absence helps the success rate most.
+    Search {
+        /// Success rates that may be computed in an epoch.
+        budget: u16,
+    },
+    /// Combinations of ambiguities: those fixed are the most certain of the decorrelated ones. No ambiguity is then known
+    /// by itself, so that [`Output::DualDensity`] cannot use it.
+    Decorrelated,
+}
+
 /// When integers are believed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default, deny_unknown_fields))]
@@ -74,6 +93,13 @@ pub struct Acceptance {
     pub elevation_mask: f64,
     /// Epochs of continuous lock before an ambiguity is fixed, unless none has more.
     pub min_lock: u32,
+    /// What to leave out where not all are accepted.
+    pub partial: Partial,
+    /// Whether a part that is accepted helps the rest, as far as the product of all success rates reaches the threshold and
+    /// the ratio of each as well. Of no use to [`Partial::Decorrelated`].
+    pub assist: bool,
+    /// Fewest satellites, besides the references, that [`Partial::Elevation`] and [`Partial::Search`] fix.
+    pub min_satellites: usize,
 }
 
 impl Acceptance {
@@ -86,6 +112,9 @@ impl Acceptance {
         min_ambiguities: 4,
         elevation_mask: 12f64 * core::f64::consts::PI / 180.0,
         min_lock: 3,
+        partial: Partial::Weakest,
+        assist: false,
+        min_satellites: 3,
     };
 }
 

@@ -2,52 +2,103 @@
 //!
 //! The integer vector ň minimises (n̂ − n)ᵀ Q⁻¹ (n̂ − n) over the candidates; it is accepted if the bootstrapped success
 //! rate *and* the ratio of the two best norms reach their thresholds ([`super::config::Acceptance`]). If the whole set
-//! is not accepted, the weakest satellites are taken out one after the other, and the first set that is accepted is
-//! used (partial fixing). The constrained density is the relaxed one given the accepted integers, and only those; or, by
-//! [`Output::DualDensity`], one that lives on ([`super::constrained`]).
+//! is not accepted, a part of it may be ([`super::partial`]). The constrained density is the relaxed one given the accepted
+//! integers, and only those; or, by [`Output::DualDensity`], one that lives on ([`super::constrained`]).
 
 use super::RtkFilter;
 use super::channel::{Channel, GROUPS};
+use crate::filter::gaussian::Gaussian;
 use crate::filter::mixed_integer::Output;
 use crate::gnss::solution::{Quality, Reason, Solution};
 use crate::gnss::time::GpsTime;
 use crate::integer::condition::condition_on_integers;
-use crate::integer::{self, Config, Method, Workspace};
+use crate::integer::partial::select;
+use crate::integer::subset::{Problem, Scratch, Sets};
+use crate::integer::{self, Config, IntegerError, Method, Workspace};
 use crate::linalg::{Mat, MatMut};
 use heapless::Vec;
 use nalgebra::{Matrix3, Vector3};
 
-/// Most subsets tried in one epoch.
-const MAX_SUBSETS: usize = 10;
 /// States of the constrained density: position and velocity.
-const KINEMATIC: usize = 6;
+pub(super) const KINEMATIC: usize = 6;
 
 /// Workspace of the integer step for up to `C` ambiguities.
 pub(super) struct Integers<const C: usize> {
-    workspace: Workspace<f64, C>,
-    /// Channels that may be fixed, the most trusted first.
-    candidates: Vec<u8, C>,
-    states: Vec<usize, C>,
-    float: [f64; C],
-    values: [f64; C],
-    residual: [f64; C],
-    covariance: [[f64; C]; C],
-    cross: [[f64; KINEMATIC]; C],
+    pub workspace: Workspace<f64, C>,
+    /// States of the ambiguities that may be fixed, the most trusted first.
+    pub ambiguities: Vec<usize, C>,
+    /// Their satellites, each by the place of its first candidate.
+    pub of: Vec<u8, C>,
+    /// The subset in question: its states, and their integers once they are accepted.
+    pub sets: Sets<f64, C>,
+    pub vector: [f64; C],
+    pub covariance: [[f64; C]; C],
+    pub cross: [[f64; KINEMATIC]; C],
 }
 
 impl<const C: usize> Integers<C> {
     pub const fn new() -> Self {
         Self {
             workspace: Workspace::new(),
-            candidates: Vec::new(),
-            states: Vec::new(),
-            float: [0.0; C],
-            values: [0.0; C],
-            residual: [0.0; C],
+            ambiguities: Vec::new(),
+            of: Vec::new(),
+            sets: Sets::new(),
+            vector: [0.0; C],
             covariance: [[0.0; C]; C],
             cross: [[0.0; KINEMATIC]; C],
         }
     }
+
+    /// The subset's part of `density`, into `vector` and `covariance`; returns how many ambiguities it has.
+    pub fn gather<const N: usize>(&mut self, density: &Gaussian<f64, N>) -> Result<usize, IntegerError> {
+        let (n, m) = (density.dim(), self.sets.states.len());
+        let all = Mat::new(density.covariance_flat(), n, n, N)?;
+        let mut q = MatMut::new(self.covariance.as_flattened_mut(), m, m, C)?;
+        let a = self.vector.get_mut(..m).ok_or(IntegerError::Capacity)?;
+        select(density.mean(), all, &self.sets.states, a, &mut q)?;
+        Ok(m)
+    }
+
+    /// The choice of a subset of `density`, on this memory.
+    pub fn subset<'a, const N: usize>(
+        &'a mut self,
+        density: &'a Gaussian<f64, N>,
+    ) -> Option<(Problem<'a, f64>, &'a mut Sets<f64, C>, Scratch<'a, f64, C>)> {
+        let n = density.dim();
+        let covariance = Mat::new(density.covariance_flat(), n, n, N).ok()?;
+        let problem =
+            Problem { mean: density.mean(), covariance, ambiguities: &self.ambiguities, of: &self.of, order: &self.of };
+        let scratch = Scratch {
+            integers: &mut self.workspace,
+            vector: &mut self.vector,
+            square: &mut self.covariance,
+            cross: self.cross.as_flattened_mut(),
+        };
+        Some((problem, &mut self.sets, scratch))
+    }
+}
+
+/// The kinematic states.
+pub(super) const STATES: [usize; KINEMATIC] = [0, 1, 2, 3, 4, 5];
+
+/// Integers that were found.
+pub(super) struct Found {
+    /// Success rate as the covariance has it.
+    pub full_success: f64,
+    /// Squared norm of the best.
+    pub norm: f64,
+    /// Ratio of the two best squared norms.
+    pub ratio: f64,
+    pub method: Method,
+}
+
+/// What accepted integers were held to.
+#[derive(Clone, Copy)]
+pub(super) struct Accepted {
+    pub success_rate: f64,
+    pub ratio: f64,
+    /// How much larger variances are than the covariance says.
+    pub variance_factor: f64,
 }
 
 impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
@@ -55,26 +106,32 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
     pub(super) fn fix(&mut self, solution: &mut Solution) {
         self.choose_references(solution.time);
         self.choose_candidates(solution.time);
-        let whole = self.integers.candidates.len();
+        let whole = self.integers.ambiguities.len();
         solution.ambiguities = whole.min(255) as u8;
-        let least = self.config.acceptance.min_ambiguities.max(1);
-        for subset in 0..MAX_SUBSETS {
-            if self.integers.candidates.len() < least {
-                break;
-            }
-            if self.try_set(solution, subset == 0) {
-                solution.quality = if subset == 0 { Quality::Fixed } else { Quality::Partial };
-                solution.reason = if subset == 0 { Reason::Complete } else { Reason::SubsetOnly };
-                return;
-            }
-            // The least trusted eighth goes, at least one.
-            let keep = self.integers.candidates.len() - (self.integers.candidates.len() / 8).max(1);
-            self.integers.candidates.truncate(keep);
+        if self.fix_all(solution) || self.fix_part(solution) {
+            let all = solution.ambiguities_fixed == solution.ambiguities;
+            solution.quality = if all { Quality::Fixed } else { Quality::Partial };
+            solution.reason = if all { Reason::Complete } else { Reason::SubsetOnly };
+            return;
         }
         self.constrained.end();
         for channel in self.channels.as_mut_slice() {
             channel.fixed = None;
         }
+    }
+
+    /// Tries the whole set.
+    fn fix_all(&mut self, solution: &mut Solution) -> bool {
+        let work = &mut self.integers;
+        work.sets.states.clone_from(&work.ambiguities);
+        work.sets.states.len() >= self.least_ambiguities()
+            && self.accept(solution, true).is_some()
+            && self.constrain(solution)
+    }
+
+    /// Fewest ambiguities to fix.
+    pub(super) fn least_ambiguities(&self) -> usize {
+        self.config.acceptance.min_ambiguities.max(1)
     }
 
     /// Which channels may be fixed in the epoch at `time`: seen, whole, high and locked.
@@ -109,65 +166,88 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
     fn choose_candidates(&mut self, time: GpsTime) {
         let fixable = self.fixable(time);
         let channels = self.channels.as_slice();
-        self.integers.candidates.clear();
+        let mut candidates: Vec<u8, C> = Vec::new();
         for (i, channel) in channels.iter().enumerate() {
             let reference_serves =
                 self.channels.reference(channel.group()).and_then(|r| channels.get(r)).is_some_and(&fixable);
             if channel.state.is_some() && fixable(channel) && reference_serves {
                 // Capacity is that of the channels, of which there are at most 255.
-                let _ = self.integers.candidates.push(i as u8);
+                let _ = candidates.push(i as u8);
             }
         }
-        self.integers.candidates.sort_unstable_by(|&a, &b| {
+        candidates.sort_unstable_by(|&a, &b| {
             let elevation = |i: u8| channels.get(usize::from(i)).map_or(0.0, |channel| channel.sin_elevation);
             let known = |i: u8| channels.get(usize::from(i)).is_some_and(|channel| channel.fixed.is_some());
             known(b).cmp(&known(a)).then(elevation(b).total_cmp(&elevation(a))).then(a.cmp(&b))
         });
+        let Integers { ambiguities, of, .. } = &mut self.integers;
+        ambiguities.clear();
+        of.clear();
+        let satellite = |i: u8| channels.get(usize::from(i)).map(|channel| channel.satellite);
+        for &i in candidates.iter() {
+            // Each has a state, and there are as many places as candidates.
+            let _ =
+                ambiguities.push(channels.get(usize::from(i)).and_then(|channel| channel.state).unwrap_or(usize::MAX));
+            let first = candidates.iter().position(|&j| satellite(j) == satellite(i)).unwrap_or(0);
+            let _ = of.push(first as u8);
+        }
     }
 
-    /// Tries to fix the current candidates. On success the solution holds the constrained density.
-    fn try_set(&mut self, solution: &mut Solution, first: bool) -> bool {
+    /// The integer that was accepted for the ambiguity at a state.
+    pub(super) fn known_integer(&self, state: usize) -> Option<f64> {
+        self.channels.as_slice().iter().find(|channel| channel.state == Some(state))?.fixed
+    }
+
+    /// Integers for the states of the subset; if they pass all tests they are its values.
+    pub(super) fn accept(&mut self, solution: &mut Solution, first: bool) -> Option<Accepted> {
+        let work = &mut self.integers;
+        let gathered = work.gather(&self.density).and_then(|m| {
+            let q = Mat::new(work.covariance.as_flattened(), m, m, C)?;
+            Ok((m, integer::resolve(&work.vector[..m], q, &Config::default(), &mut work.workspace)?))
+        });
+        let Ok((m, resolution)) = gathered else {
+            solution.reason = Reason::Inconsistent;
+            return None;
+        };
+        work.sets.values.clear();
+        for &n in resolution.best {
+            let _ = work.sets.values.push(n as f64);
+        }
+        work.vector[..m].copy_from_slice(resolution.variances);
+        let found = Found {
+            full_success: resolution.success_rate.success,
+            norm: resolution.best_norm,
+            ratio: resolution.ratio,
+            method: resolution.method,
+        };
+        let sets = &self.integers.sets;
+        let confirmed = sets.states.iter().zip(&sets.values).all(|(&state, &n)| self.known_integer(state) == Some(n));
+        if first {
+            self.adaptive.success = found.full_success;
+        }
+        self.judge(solution, &found, m, confirmed, first)
+    }
+
+    /// Whether `m` integers are believed, whose conditional variances are in the workspace.
+    pub(super) fn judge(
+        &mut self,
+        solution: &mut Solution,
+        found: &Found,
+        m: usize,
+        confirmed: bool,
+        first: bool,
+    ) -> Option<Accepted> {
         let acceptance = self.config.acceptance;
         let work = &mut self.integers;
-        let m = work.candidates.len().min(C);
-        work.states.clear();
-        for &i in &work.candidates {
-            let state = self.channels.as_slice().get(usize::from(i)).and_then(|channel| channel.state);
-            let Some(state) = state else { return false };
-            let _ = work.states.push(state);
-        }
-        let floats = work.float.iter_mut().zip(&mut work.covariance);
-        for ((float, row), &state) in floats.zip(&work.states) {
-            *float = self.density.mean().get(state).copied().unwrap_or(0.0);
-            for (q, &other) in row.iter_mut().zip(&work.states) {
-                *q = self.density.covariance(state, other);
-            }
-        }
-        let flat = work.covariance.as_flattened();
-        let Ok(q) = Mat::new(flat, m, m, C) else { return false };
-        let resolution = match integer::resolve(&work.float[..m], q, &Config::default(), &mut work.workspace) {
-            Ok(resolution) => resolution,
-            Err(_) => {
-                solution.reason = Reason::Inconsistent;
-                return false;
-            }
-        };
-        let confirmed = work.candidates.iter().zip(resolution.best).all(|(&i, &n)| {
-            self.channels.as_slice().get(usize::from(i)).and_then(|channel| channel.fixed) == Some(n as f64)
-        });
         // The distance of the floats from the integers is χ² with m degrees of freedom. Where it is larger, the floats
         // are worse than their covariance says, and so is the success rate; integers that were proven before are not.
-        let factor = if confirmed { 1.0 } else { (resolution.best_norm / m as f64).max(1.0) };
-        work.residual[..m].copy_from_slice(resolution.variances);
-        for variance in &mut work.residual[..m] {
+        let factor = if confirmed { 1.0 } else { (found.norm / m as f64).max(1.0) };
+        for variance in &mut work.vector[..m] {
             *variance *= factor;
         }
-        let success_rate = integer::success_rate::bootstrapped(&work.residual[..m]).success;
-        if first {
-            self.adaptive.success = resolution.success_rate.success;
-        }
+        let success_rate = integer::success_rate::bootstrapped(&work.vector[..m]).success;
         if first || success_rate > solution.success_rate {
-            solution.ratio = resolution.ratio;
+            solution.ratio = found.ratio;
             solution.success_rate = success_rate;
         }
         let (least_success, least_ratio) = if confirmed {
@@ -177,43 +257,39 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
         };
         let refused = if success_rate < least_success {
             Some(Reason::SuccessRateLow)
-        } else if resolution.method == Method::Bootstrapped {
+        } else if found.method == Method::Bootstrapped {
             Some(Reason::SearchBudget)
-        } else if resolution.ratio < least_ratio {
+        } else if found.ratio < least_ratio {
             Some(Reason::RatioLow)
         } else {
             None
         };
         if let Some(reason) = refused {
             solution.reason = reason;
-            return false;
+            return None;
         }
-        for (value, &n) in work.values.iter_mut().zip(resolution.best) {
-            *value = n as f64;
-        }
-        solution.ratio = resolution.ratio;
+        solution.ratio = found.ratio;
         solution.success_rate = success_rate;
-        self.constrain(solution)
+        Some(Accepted { success_rate: least_success, ratio: least_ratio, variance_factor: factor })
     }
 
-    /// The constrained density: position and velocity given the values of the current candidates.
-    fn constrain(&mut self, solution: &mut Solution) -> bool {
+    /// The constrained density: position and velocity given the values of the subset.
+    pub(super) fn constrain(&mut self, solution: &mut Solution) -> bool {
         let work = &mut self.integers;
-        let m = work.candidates.len().min(C);
+        let m = work.sets.states.len().min(C);
         let kinematic = if self.config.motion.order() > 1 { KINEMATIC } else { 3 };
-        let states = [0, 1, 2, 3, 4, 5];
         let (mut mean, mut covariance) = ([0.0; KINEMATIC], [[0.0; KINEMATIC]; KINEMATIC]);
         let n = self.density.dim();
         let conditioned = (|| {
             condition_on_integers(
                 self.density.mean(),
                 Mat::new(self.density.covariance_flat(), n, n, N)?,
-                &states[..kinematic],
-                &work.states,
-                &work.values[..m],
+                &STATES[..kinematic],
+                &work.sets.states,
+                &work.sets.values,
                 &mut MatMut::new(work.covariance.as_flattened_mut(), m, m, C)?,
                 &mut MatMut::new(work.cross.as_flattened_mut(), m, kinematic, KINEMATIC)?,
-                &mut work.residual[..m],
+                &mut work.vector[..m],
                 &mut mean[..kinematic],
                 &mut MatMut::new(covariance.as_flattened_mut(), kinematic, kinematic, KINEMATIC)?,
             )
@@ -222,13 +298,7 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
             solution.reason = Reason::Inconsistent;
             return false;
         }
-        solution.position = self.position + Vector3::new(mean[0], mean[1], mean[2]);
-        solution.position_covariance = Matrix3::from_fn(|i, j| covariance[i][j]);
-        if kinematic > 3 {
-            solution.velocity = Vector3::new(mean[3], mean[4], mean[5]);
-            solution.velocity_covariance = Matrix3::from_fn(|i, j| covariance[3 + i][3 + j]);
-        }
-        solution.ambiguities_fixed = m.min(255) as u8;
+        self.report_conditional(solution, &mean, &covariance, m);
         let revised = self.remember_integers();
         if self.config.estimation.output == Output::DualDensity {
             if revised {
@@ -239,20 +309,36 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
         true
     }
 
+    /// Reports position and velocity given `m` integers, as the density of the kinematic states has them.
+    pub(super) fn report_conditional(
+        &self,
+        solution: &mut Solution,
+        mean: &[f64; KINEMATIC],
+        covariance: &[[f64; KINEMATIC]; KINEMATIC],
+        m: usize,
+    ) {
+        solution.position = self.position + Vector3::new(mean[0], mean[1], mean[2]);
+        solution.position_covariance = Matrix3::from_fn(|i, j| covariance[i][j]);
+        if self.config.motion.order() > 1 {
+            solution.velocity = Vector3::new(mean[3], mean[4], mean[5]);
+            solution.velocity_covariance = Matrix3::from_fn(|i, j| covariance[3 + i][3 + j]);
+        }
+        solution.ambiguities_fixed = m.min(255) as u8;
+    }
+
     /// Notes the accepted integers; true if one of them is another one than before.
     fn remember_integers(&mut self) -> bool {
-        let (channels, work) = (self.channels.as_mut_slice(), &self.integers);
-        let accepted = || work.candidates.iter().map(|&i| usize::from(i)).zip(&work.values);
-        let differs =
-            |(i, &n): (usize, &f64)| channels.get(i).and_then(|channel| channel.fixed).is_some_and(|m| m != n);
-        let revised = accepted().any(differs);
+        let (channels, sets) = (self.channels.as_mut_slice(), &self.integers.sets);
+        let mut revised = false;
         for channel in channels.iter_mut() {
-            channel.fixed = channel.state.is_none().then_some(0.0);
-        }
-        for (i, &n) in accepted() {
-            if let Some(channel) = channels.get_mut(i) {
-                channel.fixed = Some(n);
-            }
+            let Some(state) = channel.state else {
+                channel.fixed = Some(0.0);
+                continue;
+            };
+            let accepted =
+                sets.states.iter().position(|&other| other == state).and_then(|i| sets.values.get(i)).copied();
+            revised |= accepted.is_some_and(|n| channel.fixed.is_some_and(|before| before != n));
+            channel.fixed = accepted;
         }
         revised
     }

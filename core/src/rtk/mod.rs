@@ -14,7 +14,7 @@
 //! * `link`: single differences, observed minus computed.
 //! * `channel`: which ambiguity sits where; exact change of reference.
 //! * `track`: births, deaths, slips, outliers.
-//! * `fix`: integers and the constrained density.
+//! * `fix`: integers and the constrained density. `partial`: which part of them, where not all.
 //! * `moving_base`: a base that moves. `adaptation`: noise that follows the data. `monitor`: protection levels.
 //! * [`evidence`]: the measurements of an epoch as they were used, to be used again.
 //!
@@ -35,6 +35,7 @@ mod fix;
 mod link;
 mod monitor;
 mod moving_base;
+mod partial;
 pub mod preset;
 mod range;
 mod rows;

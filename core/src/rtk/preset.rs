@@ -5,7 +5,7 @@
 //! | [`Rtk16`] | 16 | 16 satellites on L1, 8 on two bands | 44 KB |
 //! | [`Rtk32`] | 32 | 32 satellites on L1, 16 on two bands | 103 KB |
 //! | [`Rtk64`] | 64 | 32 satellites on two bands | 271 KB |
-//! | [`Rtk128`] | 128 | everything that a host file holds | 915 KB |
+//! | [`Rtk128`] | 128 | everything that a host file holds | 916 KB |
 //!
 //! The sizes are checked by a test. Signals beyond the capacity are left out; a preset does not change results otherwise.
 
@@ -28,7 +28,7 @@ mod tests {
     #[test]
     fn sizes_are_as_documented() {
         let sizes = [size_of::<Rtk16>(), size_of::<Rtk32>(), size_of::<Rtk64>(), size_of::<Rtk128>()];
-        for (size, limit) in sizes.into_iter().zip([44_000, 103_400, 270_700, 915_600]) {
+        for (size, limit) in sizes.into_iter().zip([44_000, 103_400, 270_700, 915_700]) {
             assert!(size <= limit && size > limit * 98 / 100, "{sizes:?}");
         }
     }

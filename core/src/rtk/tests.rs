@@ -1,6 +1,6 @@
 //! The engine as a whole, on a simulated sky.
 
-use super::config::Estimation;
+use super::config::{Acceptance, Estimation, Partial};
 use super::preset::Rtk32;
 use super::sky::{BASE, ROVER, Sky, start};
 use super::*;
@@ -133,6 +133,43 @@ fn every_linearisation_and_output_gives_a_right_fix() {
             let (_, velocity) = drive.truth(f64::from(second));
             assert!((solution.velocity - velocity).norm() < 0.5, "{rule:?} {output:?} {second}");
         }
+    }
+}
+
+/// A satellite whose phase is off by half a cycle rises and spoils the whole set: by each strategy the others are fixed,
+/// none below its success rate, and with help all of them but the spoilt one.
+#[test]
+fn every_part_is_fixed_without_a_spoilt_satellite() {
+    let search = Partial::Search { budget: 60 };
+    for (partial, assist) in [
+        (Partial::Weakest, false),
+        (Partial::Weakest, true),
+        (Partial::Elevation, false),
+        (Partial::Elevation, true),
+        (search, false),
+        (search, true),
+        (Partial::Decorrelated, false),
+    ] {
+        let acceptance = Acceptance { partial, assist, ..Acceptance::DEFAULT };
+        let mut drive = Drive::new(100.0, RtkConfig { acceptance, ..RtkConfig::DEFAULT }, &["1C", "2W"]);
+        let all = drive.in_view(0.0);
+        let spoilt = all[all.len() - 3];
+        drive.hidden = vec![spoilt];
+        drive.epochs(0..30);
+        drive.hidden.clear();
+        drive.sky.slips.insert((ROVER, spoilt), 0.5);
+        let mut part = 0;
+        for second in 30..60 {
+            let (solution, error) = drive.epoch(f64::from(second));
+            assert!(is_fixed(&solution) && error < 0.04, "{partial:?} {second}: {:?} {error}", solution.reason);
+            assert!(solution.success_rate >= acceptance.success_rate_confirmed, "{}", solution.success_rate);
+            if solution.quality == Quality::Partial {
+                part += 1;
+                let missing = solution.ambiguities - solution.ambiguities_fixed;
+                assert!(!assist || missing == 2, "{partial:?} {second}: {missing} of {}", solution.ambiguities);
+            }
+        }
+        assert!(part > 20, "{partial:?} {assist}: {part} epochs");
     }
 }
 

@@ -8,11 +8,12 @@ use crate::smooth::rtk::fix::Fixing;
 use crate::smooth::rtk::noise::TimeConstants;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
+use surefix_core::filter::mixed_integer::Output;
 use surefix_core::gnss::satellite::Constellation;
 use surefix_core::integrity::protection;
 use surefix_core::model::motion::Motion;
 use surefix_core::rtk::RtkConfig;
-use surefix_core::rtk::config::{Adaptation, BandPlan, Estimation, MAX_BANDS};
+use surefix_core::rtk::config::{Adaptation, BandPlan, Estimation, MAX_BANDS, Partial};
 
 /// Settings of a run, in the units of their names.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -36,6 +37,14 @@ pub struct Settings {
     pub fix_ratio: f64,
     /// Satellites below this elevation are not fixed `[deg]`.
     pub fix_elevation_mask_deg: f64,
+    /// What stays float where not all ambiguities can be fixed: `"weakest"` (an eighth after the other, the default),
+    /// `"elevation"` or `search = { budget = 60 }` (satellites, by the success rate), or `"decorrelated"` (combinations of
+    /// ambiguities are fixed).
+    pub fix_partial: Partial,
+    /// Whether those that are fixed help the rest.
+    pub fix_assist: bool,
+    /// Fewest satellites besides the references that `"elevation"` and `search` fix.
+    pub fix_min_satellites: usize,
     /// Standard deviation of a code at the zenith, per receiver `[m]`.
     pub code_sigma_m: f64,
     /// Standard deviation of a carrier phase at the zenith, per receiver `[m]`.
@@ -157,6 +166,9 @@ impl Default for Settings {
             fix_success_rate: config.acceptance.success_rate,
             fix_ratio: config.acceptance.ratio,
             fix_elevation_mask_deg: degrees(config.acceptance.elevation_mask),
+            fix_partial: config.acceptance.partial,
+            fix_assist: config.acceptance.assist,
+            fix_min_satellites: config.acceptance.min_satellites,
             code_sigma_m: zenith(config.code.constant, config.code.elevation),
             phase_sigma_m: zenith(config.phase.constant, config.phase.elevation),
             estimation: config.estimation,
@@ -258,6 +270,8 @@ impl Settings {
         config.acceptance.ratio =
             check("fix_ratio", self.fix_ratio, self.fix_ratio >= 1.0, "give a ratio of 1 or more")?;
         config.acceptance.elevation_mask = angle("fix_elevation_mask_deg", self.fix_elevation_mask_deg)?.to_radians();
+        (config.acceptance.partial, config.acceptance.assist) = (self.partial()?, self.fix_assist);
+        config.acceptance.min_satellites = self.fix_min_satellites;
         let default = Self::default();
         let scale_code = positive("code_sigma_m", self.code_sigma_m)? / default.code_sigma_m;
         let scale_phase = positive("phase_sigma_m", self.phase_sigma_m)? / default.phase_sigma_m;
@@ -266,6 +280,27 @@ impl Settings {
             noise.elevation *= scale;
         }
         Ok(config)
+    }
+}
+
+impl Settings {
+    /// How to fix a part, if that makes sense with the rest.
+    fn partial(&self) -> Result<Partial, SettingsError> {
+        let partial = self.fix_partial;
+        let refuse = |remedy| Err(SettingsError::Value { name: "fix_partial", value: format!("{partial:?}"), remedy });
+        match partial {
+            Partial::Search { budget: 0 } => refuse("give a budget of 1 or more, as in search = { budget = 60 }"),
+            Partial::Decorrelated if self.estimation.output == Output::DualDensity => refuse(
+                "fixes combinations, where estimation.output = \"dual-density\" needs single ambiguities; change one of them",
+            ),
+            Partial::Decorrelated if self.fix_assist => {
+                refuse("fixes combinations, which cannot help single ambiguities; leave fix_assist out")
+            }
+            Partial::Elevation | Partial::Search { .. } if self.fix_min_satellites == 0 => {
+                refuse("fixes satellites; give fix_min_satellites of 1 or more")
+            }
+            _ => Ok(partial),
+        }
     }
 }
 
@@ -379,6 +414,13 @@ mod tests {
             ),
             ("[integrity]\nalert_limits = [0.0, 1.0]", "integrity: an alert limit is a distance"),
             ("[adaptation]\nbounds = [9.0, 1.0]", "adaptation.bounds = 9: give two numbers above 0"),
+            ("[fix_partial.search]\nbudget = 0", "fix_partial = Search { budget: 0 }: give a budget of 1"),
+            ("fix_partial = \"decorrelated\"\nfix_assist = true", "cannot help single ambiguities"),
+            (
+                "fix_partial = \"decorrelated\"\nestimation.output = \"dual-density\"",
+                "needs single ambiguities; change one of them",
+            ),
+            ("fix_partial = \"elevation\"\nfix_min_satellites = 0", "give fix_min_satellites of 1 or more"),
             ("[adaptation.forgetting.sage_husa]\nb = 1.0", "adaptation.forgetting = SageHusa { b: 1.0 }: give b"),
         ] {
             let error = toml::from_str::<Settings>(text).unwrap().config().unwrap_err().to_string();
