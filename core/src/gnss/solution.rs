@@ -53,6 +53,8 @@ pub enum Reason {
     OutOfOrder,
     /// The covariance lost its definiteness and the filter was restarted.
     Restarted,
+    /// The integers give a baseline of another length than it is known to have.
+    BaselineLength,
 }
 
 /// Position, velocity and what is known of their quality, for one epoch.

@@ -11,6 +11,7 @@
 //!
 //! Cost: ten multiplications, two roots; the exact horizontal factor some thousand `exp`. No panics.
 
+use super::fault;
 use super::risk::{Allocation, AllocationError, Split, one_dimension, two_dimensions};
 use nalgebra::Matrix3;
 
@@ -51,6 +52,8 @@ pub struct Config {
     pub rule: Rule,
     /// Alert limits, horizontal and vertical `[m]`; infinite for none.
     pub alert_limits: [f64; 2],
+    /// Faults of one satellite of a fixed position.
+    pub fault: fault::Config,
 }
 
 impl Config {
@@ -60,6 +63,7 @@ impl Config {
         horizontal_factor: HorizontalFactor::OneDimension,
         rule: Rule::Accepted,
         alert_limits: [1.0, 2.0],
+        fault: fault::Config::DEFAULT,
     };
 }
 
@@ -76,6 +80,8 @@ pub enum ConfigError {
     Allocation(AllocationError),
     /// An alert limit is not above 0.
     AlertLimit,
+    /// P_fa or P_md is no probability.
+    Fault,
 }
 
 impl core::fmt::Display for ConfigError {
@@ -83,6 +89,7 @@ impl core::fmt::Display for ConfigError {
         match self {
             Self::Allocation(error) => error.fmt(f),
             Self::AlertLimit => f.write_str("an alert limit is a distance: give metres above 0"),
+            Self::Fault => f.write_str("fault.p_fa and fault.p_md are probabilities: give numbers above 0 and below 1"),
         }
     }
 }
@@ -93,7 +100,9 @@ impl Config {
     /// The factors for this configuration.
     pub fn factors(&self) -> Result<Factors, ConfigError> {
         let split = self.allocation.split().map_err(ConfigError::Allocation)?;
-        if self.alert_limits.iter().all(|limit| *limit > 0.0) {
+        if !self.fault.is_sound() {
+            Err(ConfigError::Fault)
+        } else if self.alert_limits.iter().all(|limit| *limit > 0.0) {
             Ok(Factors { split, one_dimension: [split.horizontal, split.vertical].map(one_dimension), config: *self })
         } else {
             Err(ConfigError::AlertLimit)
@@ -117,7 +126,7 @@ pub struct Levels {
 pub enum Status {
     /// Both protection levels are below their alert limits.
     Available,
-    /// One of them is not.
+    /// One of them is not, or a fault was detected that the exclusion of no satellite explains.
     Alert,
     /// There is no protection level: nothing watches this position.
     Unmonitored,

@@ -48,7 +48,7 @@ codes!(Quality, quality_code, quality:
 codes!(Reason, reason_code, reason:
     Complete = 0, SubsetOnly = 1, SuccessRateLow = 2, RatioLow = 3, Inconsistent = 4, TooFewAmbiguities = 5,
     SearchBudget = 6, NoBase = 7, BaseTooOld = 8, TooFewCommonSatellites = 9, TooFewSatellites = 10,
-    PositionFailed = 11, OutOfOrder = 12, Restarted = 13);
+    PositionFailed = 11, OutOfOrder = 12, Restarted = 13, BaselineLength = 14);
 
 /// A satellite: its constellation's code · 64 + number.
 fn satellite_code(satellite: SatelliteId) -> u16 {

@@ -55,7 +55,18 @@ impl BandPlan {
     }
 }
 
-/// Which ambiguities stay float where the whole set is not accepted.
+/// Which ambiguities stay float where the whole set is not accepted. On real drives, fixed, wrong and rms 3-D of the fixed:
+///
+/// | | car, 1416 epochs | van at rest among trees | van among trees, one band |
+/// |---|---|---|---|
+/// | weakest (the default), elevation | 98.94 %, 0, 1.15 cm | 97.34 %, 0.18 %, 1.55 cm | 48.89 %, 0.18 %, 1.87 cm |
+/// | weakest or elevation with [`Acceptance::assist`] | 98.94 %, 0, 1.15 cm | 97.34 %, 0.18 %, 1.54 cm | 49.18 %, 0.18 %, 1.85 cm |
+/// | search (60), with assist | 99.01 %, 0.07 %, 2.18 cm | 97.34 %, 0.18 %, 1.54 cm | 49.18 %, 0.18 %, 1.85 cm |
+/// | decorrelated | 99.15 %, 0.21 %, 2.76 cm | 97.34 %, 0.18 %, 1.55 cm | 48.46 %, 0.18 %, 1.87 cm |
+///
+/// On three static baselines all are the same. Choosing by what makes the success rate large lets integers through that the
+/// tests cannot tell from right ones: search and decorrelated cost a few wrong epochs. Help has no such cost, but as a base
+/// that moves the car's vectors have 1.16 cm with it and 1.15 cm without.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
 pub enum Partial {
@@ -252,6 +263,30 @@ impl Default for Adaptation {
     }
 }
 
+/// What a known length of the baseline is for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
+pub enum LengthUse {
+    /// Integers whose vector has another length are refused.
+    #[default]
+    Validate,
+    /// It is a measurement of the float density.
+    Measure,
+}
+
+/// A baseline whose length is known, as that of two antennas on one vehicle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
+pub struct BaselineLength {
+    /// Distance of the antennas `[m]`.
+    pub length: f64,
+    /// Its standard deviation `[m]`.
+    pub sigma: f64,
+    /// What for.
+    #[cfg_attr(feature = "serde", serde(rename = "use"))]
+    pub usage: LengthUse,
+}
+
 /// Configuration of an [`RtkFilter`](super::RtkFilter).
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default, deny_unknown_fields))]
@@ -286,6 +321,8 @@ pub struct RtkConfig {
     pub estimation: Estimation,
     /// Whether the base moves: then it is where its own single point says, and the answer is the vector from it.
     pub moving_base: bool,
+    /// Distance between the antennas, if that is known.
+    pub baseline_length: Option<BaselineLength>,
     /// Measurement noise that follows the data.
     pub adaptation: Adaptation,
     /// Risk, rule and alert limits of protection levels.
@@ -310,6 +347,7 @@ impl RtkConfig {
         screening: Screening::DEFAULT,
         estimation: Estimation::DEFAULT,
         moving_base: false,
+        baseline_length: None,
         adaptation: Adaptation::DEFAULT,
         integrity: integrity::protection::Config::DEFAULT,
     };

@@ -16,6 +16,7 @@ use crate::integer::partial::select;
 use crate::integer::subset::{Problem, Scratch, Sets};
 use crate::integer::{self, Config, IntegerError, Method, Workspace};
 use crate::linalg::{Mat, MatMut};
+use crate::spp::SinglePoint;
 use heapless::Vec;
 use nalgebra::{Matrix3, Vector3};
 
@@ -103,21 +104,40 @@ pub(super) struct Accepted {
 
 impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
     /// Fixes what can be fixed and reports the constrained density, or why it could not.
-    pub(super) fn fix(&mut self, solution: &mut Solution) {
+    pub(super) fn fix(&mut self, solution: &mut Solution, single: Option<&SinglePoint>) {
         self.choose_references(solution.time);
         self.choose_candidates(solution.time);
         let whole = self.integers.ambiguities.len();
         solution.ambiguities = whole.min(255) as u8;
-        if self.fix_all(solution) || self.fix_part(solution) {
+        let fixed = self.fix_all(solution) && self.keep_length(solution, single)
+            || self.fix_part(solution) && self.keep_length(solution, single);
+        if fixed {
             let all = solution.ambiguities_fixed == solution.ambiguities;
             solution.quality = if all { Quality::Fixed } else { Quality::Partial };
             solution.reason = if all { Reason::Complete } else { Reason::SubsetOnly };
             return;
         }
+        self.forget_integers();
+    }
+
+    /// Forgets the integers that were accepted.
+    fn forget_integers(&mut self) {
         self.constrained.end();
         for channel in self.channels.as_mut_slice() {
             channel.fixed = None;
         }
+    }
+
+    /// Takes a fix back whose vector has not the length that it is known to have.
+    fn keep_length(&mut self, solution: &mut Solution, single: Option<&SinglePoint>) -> bool {
+        if self.has_length(solution, single) {
+            return true;
+        }
+        self.forget_integers();
+        self.report_relaxed(solution);
+        solution.ambiguities_fixed = 0;
+        solution.reason = Reason::BaselineLength;
+        false
     }
 
     /// Tries the whole set.

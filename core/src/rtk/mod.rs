@@ -15,7 +15,8 @@
 //! * `channel`: which ambiguity sits where; exact change of reference.
 //! * `track`: births, deaths, slips, outliers.
 //! * `fix`: integers and the constrained density. `partial`: which part of them, where not all.
-//! * `moving_base`: a base that moves. `adaptation`: noise that follows the data. `monitor`: protection levels.
+//! * `moving_base`: a base that moves. `length`: a baseline of known length. `adaptation`: noise that follows the data.
+//! * `monitor`: protection levels. `fault`: faults of one satellite.
 //! * [`evidence`]: the measurements of an epoch as they were used, to be used again.
 //!
 //! Frames: ECEF; metres, metres per second; ambiguities in cycles, reference minus satellite.
@@ -29,9 +30,11 @@ mod channel;
 pub mod config;
 mod constrained;
 pub mod evidence;
+mod fault;
 #[cfg(feature = "log")]
 pub mod feed;
 mod fix;
+mod length;
 mod link;
 mod monitor;
 mod moving_base;
@@ -261,6 +264,7 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
 
         let single = self.single_point_of(epoch, self.time.map(|_| self.position));
         let single = single.as_ref();
+        self.monitor.note_code(single.map_or(1.0, SinglePoint::inflation));
         let located = self.base_position.filter(|_| !self.config.moving_base || self.base_motion.is_some());
         let age = located.and(self.base.time).map(|time| epoch.time.since(time));
         let unusable = match age {
@@ -298,9 +302,11 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
             return code_solution(epoch.time, single, Reason::Restarted);
         };
         self.adapt(epoch.time);
+        self.measure_length(epoch.time, single);
         self.settle(epoch.time, &mut solution);
         self.monitor.note(gauge, solution.position_covariance);
-        self.fix(&mut solution);
+        self.fix(&mut solution, single);
+        self.look_for_faults(&mut solution);
         self.report_vector(&mut solution, single);
         solution
     }

@@ -1,13 +1,17 @@
 //! Protection levels of the engine's answers.
 //!
 //! The covariance of the reported density, turned to east, north, up, times the K factors of the configuration, widened
-//! where the innovations of the last [`WINDOW`] epochs exceed theirs ([`crate::integrity`]). A fixed position that may not
-//! count as right by the configured rule has the protection level of the float one. Panic contract: none.
+//! where the innovations of the last [`WINDOW`] epochs exceed theirs ([`crate::integrity`]); those of a single point where
+//! its residuals exceed the usual ([`crate::spp::SinglePoint::inflation`]). A fixed position that may not
+//! count as right by the configured rule has the protection level of the float one. Where faults are looked for
+//! ([`super::fault`]), a level is at least what one that was not noticed may do; an alarm that no exclusion explains makes the
+//! status [`Status::Alert`] whatever the levels, and a fix that cannot be checked has none. Panic contract: none.
 
+use super::fault::Bound;
 use crate::filter::update::Gauge;
 use crate::gnss::geodesy::Geodetic;
 use crate::gnss::solution::{Quality, Solution};
-use crate::integrity::protection::{Basis, Config, Factors, Levels};
+use crate::integrity::protection::{Basis, Config, Factors, Levels, Status};
 use crate::integrity::window::NisWindow;
 use nalgebra::Matrix3;
 
@@ -21,11 +25,15 @@ pub(super) struct Monitor {
     window: NisWindow<WINDOW>,
     /// Covariance of the float position of this epoch, ECEF.
     float: Option<Matrix3<f64>>,
+    /// By what residuals widen a single point's standard deviations.
+    code: f64,
+    /// What faults may do to the answer of this epoch; none where they are not looked for.
+    faults: Option<Bound>,
 }
 
 impl Monitor {
     pub const fn new() -> Self {
-        Self { factors: None, window: NisWindow::new(), float: None }
+        Self { factors: None, window: NisWindow::new(), float: None, code: 1.0, faults: None }
     }
 
     /// Forgets the innovations.
@@ -39,9 +47,19 @@ impl Monitor {
         self.float = Some(float);
     }
 
+    /// Takes by what the residuals of this epoch's single point widen its standard deviations.
+    pub fn note_code(&mut self, inflation: f64) {
+        self.code = inflation;
+    }
+
+    /// Takes what faults may do to the answer of this epoch.
+    pub fn bound_faults(&mut self, bound: Bound) {
+        self.faults = Some(bound);
+    }
+
     /// Writes protection levels and status into an answer. A configuration that contradicts itself bounds nothing.
     pub fn bound(&mut self, config: &Config, solution: &mut Solution) {
-        let float = self.float.take();
+        let (float, faults) = (self.float.take(), self.faults.take());
         if self.factors.as_ref().is_none_or(|(of, _)| of != config) {
             self.factors = config.factors().ok().map(|factors| (*config, factors));
         }
@@ -53,7 +71,7 @@ impl Monitor {
         let own = &solution.position_covariance;
         solution.protection = match solution.quality {
             Quality::None => None,
-            Quality::Code => levels(own, 1.0),
+            Quality::Code => levels(own, self.code),
             Quality::Float => levels(own, self.window.inflation()),
             Quality::Fixed | Quality::Partial => {
                 // The engine reports integers only if a test of the data accepted them.
@@ -62,6 +80,25 @@ impl Monitor {
                 levels(&covariance, self.window.inflation())
             }
         };
+        match faults {
+            None => {}
+            Some(Bound::Within(most)) => {
+                let inflation = self.window.inflation();
+                let [horizontal, vertical] = most.map(|level| inflation * level);
+                solution.protection = solution
+                    .protection
+                    .filter(|_| horizontal.is_finite() && vertical.is_finite())
+                    .map(|levels| Levels {
+                        horizontal: levels.horizontal.max(horizontal),
+                        vertical: levels.vertical.max(vertical),
+                    });
+            }
+            Some(Bound::Unresolved) => {
+                solution.integrity = if solution.protection.is_some() { Status::Alert } else { Status::Unmonitored };
+                return;
+            }
+            Some(Bound::Unchecked) => solution.protection = None,
+        }
         solution.integrity = factors.status(solution.protection);
     }
 }
@@ -71,7 +108,7 @@ mod tests {
     use super::*;
     use crate::gnss::solution::Reason;
     use crate::gnss::time::GpsTime;
-    use crate::integrity::protection::{Rule, Status};
+    use crate::integrity::protection::Rule;
     use nalgebra::Vector3;
 
     /// On the equator at longitude 0, up is x: variances (u, e, n) = (4, 1, 1) cm². K = 5.345837350732903 for a risk of 1e-7
@@ -88,6 +125,28 @@ mod tests {
 
     fn gauge(squares: f64) -> Gauge<f64> {
         Gauge { rows: 10, normalized_innovation_squared: squares, log_determinant: 0.0 }
+    }
+
+    /// A level is the larger of the two; a fault without a name is an alert, and what cannot be checked has no level.
+    #[test]
+    fn faults_widen_levels_or_take_the_status() {
+        let config = Config::default();
+        let answer = |bound| {
+            let mut monitor = Monitor::new();
+            monitor.note(gauge(5.0), Matrix3::identity());
+            monitor.bound_faults(bound);
+            let mut solution = solution(Quality::Fixed);
+            monitor.bound(&config, &mut solution);
+            (solution.protection, solution.integrity)
+        };
+        let (levels, status) = answer(Bound::Within([0.5, 0.01]));
+        assert_eq!((levels.unwrap().horizontal, status), (0.5, Status::Available));
+        assert!((levels.unwrap().vertical - 0.02 * 5.345_837_350_732_903).abs() < 1e-12);
+        assert_eq!(answer(Bound::Within([1.5, 0.01])).1, Status::Alert);
+        assert_eq!(answer(Bound::Within([f64::INFINITY; 2])), (None, Status::Unmonitored));
+        assert_eq!(answer(Bound::Unchecked), (None, Status::Unmonitored));
+        let (levels, status) = answer(Bound::Unresolved);
+        assert!(levels.is_some() && status == Status::Alert);
     }
 
     #[test]

@@ -69,12 +69,27 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
     pub(super) fn report_vector(&self, solution: &mut Solution, single: Option<&SinglePoint>) {
         let Some(motion) = self.base_motion.filter(|_| solution.quality < Quality::None) else { return };
         solution.base = self.base_position;
+        let (carried, spread) = self.carried_since(&motion, solution.time, single);
+        solution.position -= carried;
+        solution.position_covariance += spread;
+    }
+
+    /// How far the rover moved since a moving base measured, and the covariance of that; `None` for a base at rest.
+    pub(super) fn carried(&self, time: GpsTime, single: Option<&SinglePoint>) -> Option<(Vector3<f64>, Matrix3<f64>)> {
+        self.base_motion.map(|motion| self.carried_since(&motion, time, single))
+    }
+
+    fn carried_since(
+        &self,
+        motion: &BaseMotion,
+        time: GpsTime,
+        single: Option<&SinglePoint>,
+    ) -> (Vector3<f64>, Matrix3<f64>) {
         let still = (Vector3::zeros(), Matrix3::identity() * UNKNOWN_VELOCITY * UNKNOWN_VELOCITY);
         let known = |velocity: &Velocity| (velocity.velocity, velocity.covariance);
         let (velocity, covariance) = single.and_then(|single| single.velocity.as_ref()).map_or(still, known);
-        let apart = solution.time.since(motion.time) - (single.map_or(0.0, clock) - motion.clock);
-        solution.position -= velocity * apart;
-        solution.position_covariance += covariance * (apart * apart);
+        let apart = time.since(motion.time) - (single.map_or(0.0, clock) - motion.clock);
+        (velocity * apart, covariance * (apart * apart))
     }
 }
 
@@ -86,11 +101,13 @@ fn clock(single: &SinglePoint) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::super::RtkConfig;
+    use super::super::config::{BaselineLength, LengthUse};
     use super::super::preset::Rtk32;
     use super::super::sky::{BASE, ROVER, Sky, start};
     use crate::gnss::epoch::EpochView;
     use crate::gnss::geodesy::Geodetic;
     use crate::gnss::solution::{Quality, Reason, Solution};
+    use crate::model::noise::Noise;
     use nalgebra::Vector3;
 
     /// Two antennas on a vehicle that drives a circle of 100 m at 10 m/s: the base at its rear, the rover 1.6 m before it
@@ -120,7 +137,19 @@ mod tests {
             let front = [rear[0] + ahead * 1.6 + Vector3::new(0.0, 0.0, 0.3), rear[1] - aside * 0.16];
             [rear, front].map(|[at, moving]| [self.place + local.enu_to_ecef(&at), local.enu_to_ecef(&moving)])
         }
+    }
 
+    /// The length of the vector between the antennas, √(1.6² + 0.3²) m, as a known one.
+    const KNOWN: BaselineLength = BaselineLength { length: 1.627_882_1, sigma: 0.002, usage: LengthUse::Validate };
+
+    /// A vehicle whose filter is told more.
+    fn vehicle_with(baseline_length: BaselineLength) -> Vehicle {
+        let mut vehicle = Vehicle::new();
+        vehicle.filter.configure(RtkConfig { baseline_length: Some(baseline_length), ..*vehicle.filter.config() });
+        vehicle
+    }
+
+    impl Vehicle {
         /// An epoch in which the base measures so many seconds after the rover, and the error of the vector `[m]`.
         fn epoch(&mut self, seconds: f64, later: f64) -> (Solution, f64) {
             let [[base, base_velocity], _] = self.truth(seconds + later);
@@ -174,6 +203,49 @@ mod tests {
                 assert!(second < 10 || is_fixed(&solution) && error < limit, "{later} {second}: {error} m");
             }
         }
+    }
+
+    /// A right length refuses nothing, and a wrong one every fix, with its reason.
+    #[test]
+    fn a_known_length_is_validated() {
+        let mut vehicle = vehicle_with(KNOWN);
+        for second in 0..30 {
+            let (solution, error) = vehicle.epoch(f64::from(second), 0.006);
+            assert!(second < 10 || is_fixed(&solution) && error < 0.02, "{second}: {:?} {error}", solution.reason);
+        }
+        let mut vehicle = vehicle_with(BaselineLength { length: 1.527_882_1, ..KNOWN });
+        for second in 0..30 {
+            let (solution, _) = vehicle.epoch(f64::from(second), 0.006);
+            assert!(!is_fixed(&solution), "{second}");
+            assert!(second < 10 || solution.reason == Reason::BaselineLength, "{second}: {:?}", solution.reason);
+            assert_eq!(solution.ambiguities_fixed, 0);
+        }
+    }
+
+    /// With codes of 5 cm the float vector is good enough to take the length as a measurement: its own length is then better
+    /// by half at least, and no fix is spoilt.
+    #[test]
+    fn a_known_length_is_measured() {
+        let run = |usage| {
+            let mut vehicle = vehicle_with(BaselineLength { usage, ..KNOWN });
+            vehicle.sky.noise[0] = 0.05;
+            let code = Noise { constant: 0.05, elevation: 0.05 };
+            vehicle.filter.configure(RtkConfig { code, ..*vehicle.filter.config() });
+            let (mut squares, mut fixed) = (0.0, 0);
+            for second in 0..30 {
+                let (solution, error) = vehicle.epoch(f64::from(second), 0.0);
+                fixed += u32::from(is_fixed(&solution) && error < 0.02);
+                let base = solution.base.unwrap();
+                let float = vehicle.filter.position - base;
+                if second >= 5 {
+                    squares += (float.norm() - KNOWN.length).powi(2);
+                }
+            }
+            ((squares / 25.0).sqrt(), fixed)
+        };
+        let ((validated, fixed), (measured, as_well)) = (run(LengthUse::Validate), run(LengthUse::Measure));
+        println!("float length rms {validated:.4} m, measured {measured:.4} m; fixed {fixed} and {as_well} of 30");
+        assert!(measured < 0.5 * validated && as_well >= fixed, "{measured} {validated} {as_well} {fixed}");
     }
 
     #[test]

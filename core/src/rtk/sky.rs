@@ -29,6 +29,8 @@ pub struct Sky {
     pub slips: BTreeMap<(usize, SatelliteId), f64>,
     /// Metres added to the codes of a receiver's satellite.
     pub code_errors: BTreeMap<(usize, SatelliteId), f64>,
+    /// Metres added to its phases.
+    pub phase_errors: BTreeMap<(usize, SatelliteId), f64>,
     seed: u64,
 }
 
@@ -72,6 +74,7 @@ impl Sky {
             noise: [0.3, 0.002],
             slips: BTreeMap::new(),
             code_errors: BTreeMap::new(),
+            phase_errors: BTreeMap::new(),
             seed: 1,
         }
     }
@@ -114,9 +117,10 @@ impl Sky {
                 let mut observation = Observation::new(satellite, signal);
                 let slip = self.slips.get(&(receiver, satellite)).copied().unwrap_or(0.0);
                 let error = self.code_errors.get(&(receiver, satellite)).copied().unwrap_or(0.0);
+                let shift = self.phase_errors.get(&(receiver, satellite)).copied().unwrap_or(0.0);
                 let whole = f64::from(satellite.number()) * 1234.0 + receiver as f64 * 77.0 + slip;
                 observation.code = Some(range + clock + self.noise[0] * self.normal() + error);
-                observation.phase = Some((range + clock + self.noise[1] * self.normal()) / wavelength + whole);
+                observation.phase = Some((range + clock + shift + self.noise[1] * self.normal()) / wavelength + whole);
                 let rate = sight.computed_rate - sight.direction.dot(&moving) + drift + 0.02 * self.normal();
                 observation.doppler = Some(-rate / wavelength);
                 observation.cn0 = Some(47.0);

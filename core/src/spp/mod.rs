@@ -50,6 +50,10 @@ mod sky;
 /// four ranges too `[m]`.
 const MAX_RADIUS: f64 = 1e7;
 
+/// Variance of code residuals under an open sky, in units of the configured one: they scatter by a third of their σ
+/// ([`noise::Noise`]), most of which is what all satellites share and no residual shows.
+pub const USUAL_RESIDUALS: f64 = 1.0 / 9.0;
+
 /// How single points are computed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -141,6 +145,17 @@ pub struct SinglePoint {
     pub chi_square: f64,
     /// Satellites used minus unknowns; at 0 nothing could be checked.
     pub degrees_of_freedom: u32,
+}
+
+impl SinglePoint {
+    /// By what standard deviations are to be multiplied for a bound: √(χ²/f over [`USUAL_RESIDUALS`]), at least 1, where the
+    /// residuals are larger than they usually are. With no degree of freedom nothing can be told, and it is 1.
+    pub fn inflation(&self) -> f64 {
+        if self.degrees_of_freedom == 0 {
+            return 1.0;
+        }
+        libm::sqrt((self.chi_square / (f64::from(self.degrees_of_freedom) * USUAL_RESIDUALS)).max(1.0))
+    }
 }
 
 /// Velocity from Doppler.

@@ -13,7 +13,7 @@ use surefix_core::gnss::satellite::Constellation;
 use surefix_core::integrity::protection;
 use surefix_core::model::motion::Motion;
 use surefix_core::rtk::RtkConfig;
-use surefix_core::rtk::config::{Adaptation, BandPlan, Estimation, MAX_BANDS, Partial};
+use surefix_core::rtk::config::{Adaptation, BandPlan, BaselineLength, Estimation, MAX_BANDS, Partial};
 
 /// Settings of a run, in the units of their names.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -53,6 +53,9 @@ pub struct Settings {
     pub estimation: Estimation,
     /// The base moves, as `--moving-base` says: the answer is the vector from it.
     pub moving_base: bool,
+    /// The distance between the antennas, where it is known: `length` and `sigma` `[m]`, and its `use`: `"validate"` (a fix
+    /// of another length is refused) or `"measure"` (it helps the float solution).
+    pub baseline_length: Option<BaselineLength>,
     /// Measurement noise that follows the data.
     pub adaptation: Adaptation,
     /// Integrity risk, how it is divided, and alert limits `[m]`.
@@ -173,6 +176,7 @@ impl Default for Settings {
             phase_sigma_m: zenith(config.phase.constant, config.phase.elevation),
             estimation: config.estimation,
             moving_base: config.moving_base,
+            baseline_length: config.baseline_length,
             adaptation: config.adaptation,
             integrity: config.integrity,
             smoothing: Smoothing::default(),
@@ -259,6 +263,7 @@ impl Settings {
             max_age: positive("max_age_s", self.max_age_s)?,
             estimation: self.estimation,
             moving_base: self.moving_base,
+            baseline_length: self.baseline_length.map(|known| known_length(&known)).transpose()?,
             adaptation: sound(&self.adaptation)?,
             integrity: self.integrity,
             ..RtkConfig::default()
@@ -293,6 +298,9 @@ impl Settings {
             Partial::Decorrelated if self.estimation.output == Output::DualDensity => refuse(
                 "fixes combinations, where estimation.output = \"dual-density\" needs single ambiguities; change one of them",
             ),
+            Partial::Decorrelated if self.integrity.fault.enabled => {
+                refuse("fixes combinations, where integrity.fault examines single ambiguities; change one of them")
+            }
             Partial::Decorrelated if self.fix_assist => {
                 refuse("fixes combinations, which cannot help single ambiguities; leave fix_assist out")
             }
@@ -302,6 +310,15 @@ impl Settings {
             _ => Ok(partial),
         }
     }
+}
+
+/// A known length whose numbers make sense together.
+fn known_length(known: &BaselineLength) -> Result<BaselineLength, SettingsError> {
+    let (length, sigma) = (known.length, known.sigma);
+    check("baseline_length.length", length, length.is_finite() && length > 0.0, "give metres above 0")?;
+    let remedy = "give metres above 0, and less than the length itself";
+    check("baseline_length.sigma", sigma, sigma > 0.0 && sigma < length, remedy)?;
+    Ok(*known)
 }
 
 /// Adaptation whose numbers make sense together.
@@ -414,6 +431,19 @@ mod tests {
             ),
             ("[integrity]\nalert_limits = [0.0, 1.0]", "integrity: an alert limit is a distance"),
             ("[adaptation]\nbounds = [9.0, 1.0]", "adaptation.bounds = 9: give two numbers above 0"),
+            (
+                "fix_partial = \"decorrelated\"\n[integrity.fault]\nenabled = true",
+                "integrity.fault examines single ambiguities",
+            ),
+            ("[integrity.fault]\np_md = 0.0", "integrity: fault.p_fa and fault.p_md are probabilities"),
+            (
+                "[baseline_length]\nlength = 0.0\nsigma = 0.1\nuse = \"measure\"",
+                "baseline_length.length = 0: give metres above 0",
+            ),
+            (
+                "[baseline_length]\nlength = 1.6\nsigma = 2.0\nuse = \"validate\"",
+                "baseline_length.sigma = 2: give metres above 0, and less than the length",
+            ),
             ("[fix_partial.search]\nbudget = 0", "fix_partial = Search { budget: 0 }: give a budget of 1"),
             ("fix_partial = \"decorrelated\"\nfix_assist = true", "cannot help single ambiguities"),
             (
