@@ -26,7 +26,7 @@ fn vectors_from_a_car_are_right() {
     };
     let settings = Settings { bands: "G1 E1 C2".into(), moving_base: true, ..Settings::default() };
     let output = tempfile::tempdir().unwrap();
-    let (_, [_, csv, _]) = post::process(&files, &settings, false, output.path(), false).unwrap();
+    let (_, [_, csv, _]) = post::process(&files, &settings, false, output.path()).unwrap();
     // Both are placed at one point of the drive.
     let place = Vector3::new(-2_430_550.69, -4_703_759.45, 3_544_971.765);
     let options = solution::Options { vectors_from: Some(place), ..Default::default() };

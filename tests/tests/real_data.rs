@@ -57,7 +57,7 @@ fn run(case: &Case, directory: &Path, way: Way) -> Report {
     let smooth = way == Way::Smoothed;
     settings.smoothing.em = smooth;
     let output = tempfile::tempdir().unwrap();
-    let (_, [_, csv, _]): (_, [PathBuf; 3]) = post::process(&files, &settings, smooth, output.path(), false).unwrap();
+    let (_, [_, csv, _]): (_, [PathBuf; 3]) = post::process(&files, &settings, smooth, output.path()).unwrap();
     let track = solution::read(&csv, &solution::Options::default()).unwrap();
     compare(&track, &truth(&case.truth, directory, &track), &Options::default())
 }

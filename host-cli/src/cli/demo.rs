@@ -54,7 +54,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         moving_base: false,
     };
     let settings = Settings { bands: "G15 E15".into(), ..Settings::default() };
-    let (summary, paths) = post::process(&files, &settings, false, &args.output, true)?;
+    let (summary, paths) = post::process(&files, &settings, false, &args.output)?;
     let rate = summary.epochs_per_second.unwrap_or(f64::NAN);
     writeln!(out, "processed in {:.2} s ({rate:.0} epochs a second)\n", summary.seconds)?;
 

@@ -40,9 +40,6 @@ pub struct Args {
     /// Directory for the results; it is made if need be
     #[arg(short, long, value_name = "DIR", default_value = ".")]
     output: PathBuf,
-    /// Add velocity to the .pos file
-    #[arg(long)]
-    velocity: bool,
     /// Print all settings with their values as a TOML file, and stop
     #[arg(long, exclusive = true)]
     print_config: bool,
@@ -58,7 +55,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let mut settings = args.engine.settings()?;
     args.smoothing.apply(&mut settings);
     settings.moving_base |= files.moving_base;
-    let (summary, paths) = process(files, &settings, args.smoothing.smooth, &args.output, args.velocity)?;
+    let (summary, paths) = process(files, &settings, args.smoothing.smooth, &args.output)?;
     println!("{}", results::report(&summary));
     println!("wrote {}", paths.iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join(", "));
     let positions = summary.epochs - summary.by_quality.get("none").copied().unwrap_or(0);
@@ -71,7 +68,6 @@ pub fn process(
     settings: &Settings,
     smooth: bool,
     output: &std::path::Path,
-    velocity: bool,
 ) -> anyhow::Result<(Summary, [PathBuf; 3])> {
     let config = settings.config()?;
     let mut open = files.open_for(settings.moving_base)?;
@@ -85,7 +81,6 @@ pub fn process(
             ("motion".into(), format!("{:?}", settings.motion).to_lowercase()),
             ("elev mask".into(), format!("{} deg", settings.elevation_mask_deg)),
         ],
-        velocity,
         ..Header::default()
     };
     let mut results = Results::create(output, &files.rover, &header)?;

@@ -5,6 +5,7 @@
 //! reason. Protection levels are empty where nothing bounds a position; vectors (`dx`… ECEF, `de`… at the base) and
 //! attitude are those of a moving base.
 
+use super::local_vector;
 use nalgebra::Matrix3;
 use serde::Serialize;
 use std::io::{self, Write};
@@ -117,10 +118,9 @@ impl From<&Solution> for Row {
         let (enu, venu) = (to_enu * p * to_enu.transpose(), to_enu * pv * to_enu.transpose());
         let v = to_enu * s.velocity;
         let vector = s.base.map(|base| s.position - base);
-        // East, north, up of a vector are those of the place where it begins.
-        let at_base = s.base.map_or(to_enu, |base| Geodetic::from_ecef(&base).enu_rotation());
-        let local = vector.map(|vector| at_base * vector);
-        let attitude = local.and_then(|local| Attitude::of(&local, &(at_base * p * at_base.transpose())));
+        let local = local_vector(s);
+        let attitude = local.and_then(|(local, covariance)| Attitude::of(&local, &covariance));
+        let local = local.map(|(local, _)| local);
         let sigma = |i: usize| attitude.map(|attitude| attitude.sigmas[i]);
         let deviation = |m: &Matrix3<f64>, i: usize| m[(i, i)].max(0.0).sqrt();
         Self {

@@ -2,17 +2,25 @@
 //!
 //! The layout is that of `rnx2rtkp` (RTKLIB 2.4.3 manual, B.1; function `outpos` of `solution.c`): calendar GPST with
 //! milliseconds; latitude and longitude `[deg]`; height `[m]`; `Q`; number of satellites; sdn, sde, sdu `[m]` and the
-//! co-variances sdne, sdeu, sdun as signed square roots `[m]`; age `[s]`; ratio; and, if asked for, velocity north, east,
-//! up `[m/s]` with its deviations in the same order.
+//! co-variances sdne, sdeu, sdun as signed square roots `[m]`; age `[s]`; ratio; velocity north, east, up `[m/s]` with its
+//! deviations in the same order.
+//!
+//! Behind RTKLIB's columns come ours: success rate; HPL and VPL `[m]`; status (1 available, 2 alert, 0 not monitored);
+//! heading and its standard deviation `[deg]`; `nan` where there is none. RTKLIB's readers (`decode_solllh` of `solution.c`)
+//! take any three numbers behind the ratio for a velocity and up to six behind those for its deviations, and ignore what
+//! follows: that is why the velocity is always written.
 //!
 //! RTKLIB knows no partial fix: [`Quality::Partial`] is written as `Q=1`, as is [`Quality::Fixed`], and the header
 //! says so; the CSV keeps them apart. Epochs without a position are not written.
 
+use super::local_vector;
 use nalgebra::{Matrix3, Vector3};
 use std::io::{self, Write};
+use surefix_core::gnss::baseline::Attitude;
 use surefix_core::gnss::geodesy::Geodetic;
 use surefix_core::gnss::solution::{Quality, Solution};
 use surefix_core::gnss::time::{Calendar, GpsTime};
+use surefix_core::integrity::protection::{Levels, Status};
 
 /// What the comment lines at the top of the file say.
 #[derive(Clone, Debug, Default)]
@@ -25,15 +33,12 @@ pub struct Header {
     pub base: Option<Vector3<f64>>,
     /// Options worth repeating, as name and value.
     pub options: Vec<(String, String)>,
-    /// Whether the velocity columns are written.
-    pub velocity: bool,
 }
 
 /// Writes solutions as they come.
 #[derive(Debug)]
 pub struct PosWriter<W: Write> {
     out: W,
-    velocity: bool,
 }
 
 impl<W: Write> PosWriter<W> {
@@ -63,16 +68,13 @@ impl<W: Write> PosWriter<W> {
             out,
             "% (lat/lon/height=WGS84/ellipsoidal,Q=1:fix,2:float,3:sbas,4:dgps,5:single,6:ppp,ns=# of satellites)"
         )?;
-        write!(
+        writeln!(
             out,
             "%  GPST                  latitude(deg) longitude(deg)  height(m)   Q  ns   sdn(m)   sde(m)   sdu(m)  \
-             sdne(m)  sdeu(m)  sdun(m) age(s)  ratio"
+             sdne(m)  sdeu(m)  sdun(m) age(s)  ratio    vn(m/s)    ve(m/s)    vu(m/s)      sdvn     sdve     sdvu    sdvne    \
+             sdveu    sdvun       ps   hpl(m)   vpl(m) status heading(deg) sdheading(deg)"
         )?;
-        if header.velocity {
-            write!(out, "    vn(m/s)    ve(m/s)    vu(m/s)      sdvn     sdve     sdvu    sdvne    sdveu    sdvun")?;
-        }
-        writeln!(out)?;
-        Ok(Self { out, velocity: header.velocity })
+        Ok(Self { out })
     }
 
     /// Writes one epoch, unless it has no position.
@@ -92,16 +94,23 @@ impl<W: Write> PosWriter<W> {
             solution.age,
             solution.ratio.min(999.9),
         )?;
-        if self.velocity {
-            let v = here.ecef_to_enu(&solution.velocity);
-            let [sdn, sde, sdu, sdne, sdeu, sdun] = deviations(&here, &solution.velocity_covariance);
-            write!(
-                self.out,
-                " {:10.5} {:10.5} {:10.5} {sdn:9.5} {sde:8.5} {sdu:8.5} {sdne:8.5} {sdeu:8.5} {sdun:8.5}",
-                v.y, v.x, v.z
-            )?;
-        }
-        writeln!(self.out)
+        let v = here.ecef_to_enu(&solution.velocity);
+        let [sdn, sde, sdu, sdne, sdeu, sdun] = deviations(&here, &solution.velocity_covariance);
+        write!(
+            self.out,
+            " {:10.5} {:10.5} {:10.5} {sdn:9.5} {sde:8.5} {sdu:8.5} {sdne:8.5} {sdeu:8.5} {sdun:8.5}",
+            v.y, v.x, v.z
+        )?;
+        let [hpl, vpl] =
+            solution.protection.map_or([f64::NAN; 2], |levels: Levels| [levels.horizontal, levels.vertical]);
+        let status = match solution.integrity {
+            Status::Available => 1,
+            Status::Alert => 2,
+            Status::Unmonitored => 0,
+        };
+        let attitude = local_vector(solution).and_then(|(vector, covariance)| Attitude::of(&vector, &covariance));
+        let [heading, sigma] = attitude.map_or([f64::NAN; 2], |a| [a.heading.to_degrees(), a.sigmas[1].to_degrees()]);
+        writeln!(self.out, " {:8.6} {hpl:8.4} {vpl:8.4} {status:6} {heading:12.5} {sigma:14.5}", solution.success_rate)
     }
 
     /// Flushes and hands back the sink.
@@ -179,17 +188,44 @@ mod tests {
         // From rover_rtk.pos, its velocity columns cut off.
         let expected = "2024/06/24 08:20:00.000   35.134699011  136.977575483   104.8619   1  42   0.0024   0.0024   \
                         0.0069   0.0008  -0.0013  -0.0024   0.00   12.0";
-        assert_eq!(text.lines().last().unwrap(), expected);
+        assert!(text.lines().last().unwrap().starts_with(&format!("{expected} ")), "{text}");
         let columns = "%  GPST                  latitude(deg) longitude(deg)  height(m)   Q  ns   sdn(m)   sde(m)   \
                        sdu(m)  sdne(m)  sdeu(m)  sdun(m) age(s)  ratio";
-        assert!(text.lines().any(|line| line == columns));
+        assert!(text.lines().any(|line| line.starts_with(&format!("{columns} "))));
     }
 
     #[test]
     fn velocity_is_north_east_up() {
-        let text = written(&Header { velocity: true, ..Header::default() }, &[nagoya()]);
+        let text = written(&Header::default(), &[nagoya()]);
         let line = text.lines().last().unwrap();
         assert!(line.contains("   12.0    0.00141   -0.00126   -0.01073   0.05834  0.05834  0.05834"), "{line}");
+    }
+
+    /// Behind RTKLIB's thirteen columns and nine of the velocity there are ours, and our reader finds them.
+    #[test]
+    fn integrity_and_heading_are_behind_what_rtklib_reads() {
+        let mut solution = nagoya();
+        solution.success_rate = 0.9995;
+        solution.protection = Some(Levels { horizontal: 0.0123, vertical: 0.0456 });
+        solution.integrity = Status::Available;
+        let here = Geodetic::from_ecef(&solution.position);
+        // 3 m east and 4 m north of its base: atan2(3, 4).
+        solution.base = Some(solution.position - here.enu_to_ecef(&Vector3::new(3.0, 4.0, 0.0)));
+        let text = written(&Header::default(), &[solution, nagoya()]);
+        let rows: Vec<Vec<&str>> =
+            text.lines().filter(|line| !line.starts_with('%')).map(|line| line.split_whitespace().collect()).collect();
+        assert_eq!(rows[0].len(), 2 + 13 + 9 + 6, "{text}");
+        let [ours, none] = [&rows[0], &rows[1]].map(|row| &row[row.len() - 6..]);
+        assert_eq!(&ours[..4], ["0.999500", "0.0123", "0.0456", "1"]);
+        let heading: f64 = ours[4].parse().unwrap();
+        assert!((heading - 36.869_90).abs() < 1e-3, "{heading}");
+        assert_eq!(none, ["0.000000", "NaN", "NaN", "0", "NaN", "NaN"]);
+        let track = crate::read::solution::parse("a.pos", &text, &Default::default()).unwrap();
+        assert_eq!(
+            track.points.iter().map(|point| point.protection).collect::<Vec<_>>(),
+            [Some([0.0123, 0.0456]), None]
+        );
+        assert!(track.points.iter().all(|point| point.velocity.is_some()));
     }
 
     #[test]

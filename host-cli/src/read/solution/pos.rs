@@ -3,7 +3,8 @@
 //!
 //! The comment line that names the columns says which. Without one, three numbers beyond ±100 km are ECEF, others
 //! latitude, longitude and height, and the time is GPST. Standard deviations that read 0.0000 are taken as 0.00005 m,
-//! half of the last digit: the file cannot mean zero.
+//! half of the last digit: the file cannot mean zero. Protection levels are read where our writer put them
+//! ([`crate::write::pos`]).
 
 use super::{HeaderProblem, Options, Track, TrackPoint, from_degrees, number, symmetric};
 use nalgebra::{Matrix3, Vector3};
@@ -45,7 +46,7 @@ impl Scale {
 
 /// Reads all rows.
 pub(super) fn parse(text: &str, options: &Options) -> Result<Track, HeaderProblem> {
-    let (mut coordinates, mut scale) = (None, Scale::Gpst);
+    let (mut coordinates, mut scale, mut bounded) = (None, Scale::Gpst, false);
     let mut track = Track::default();
     for (index, line) in text.lines().enumerate() {
         let line = line.trim();
@@ -62,6 +63,7 @@ pub(super) fn parse(text: &str, options: &Options) -> Result<Track, HeaderProble
             if header.is_some() {
                 coordinates = header;
                 scale = time_scale(line);
+                bounded = line.contains("hpl(m)");
             }
             continue;
         }
@@ -69,7 +71,10 @@ pub(super) fn parse(text: &str, options: &Options) -> Result<Track, HeaderProble
             continue;
         }
         match row(line, coordinates, scale, options) {
-            Some((point, quality)) => {
+            Some((mut point, quality)) => {
+                if bounded {
+                    point.protection = protection(line);
+                }
                 track.count(point.time);
                 if options.only_quality.as_deref().is_none_or(|only| only == quality) {
                     track.points.push(point);
@@ -144,6 +149,13 @@ fn row<'a>(
     let velocity = values(after + 10).map(|velocity| frame.transpose() * Vector3::from(velocity));
     let quality = quality(quality_text)?;
     Some((TrackPoint { time, position, covariance, velocity, quality, protection: None }, quality_text))
+}
+
+/// HPL and VPL: the fifth and fourth column from the end.
+fn protection(line: &str) -> Option<[f64; 2]> {
+    let mut fields = line.split_whitespace().rev().skip(3);
+    let vpl = number(fields.next()?)?;
+    Some([number(fields.next()?)?, vpl])
 }
 
 /// Rotation from ECEF to the axes that deviations and velocities of the file are along: x, y, z; north, east, up; or
