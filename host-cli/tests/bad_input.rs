@@ -314,6 +314,17 @@ fn settings_that_make_no_sense() {
     refused(&workspace.post(&["--config", "settings.toml"]), &unknown);
     workspace.write("settings.toml", "elevation_mask_deg = 100.0\n");
     refused(&workspace.post(&["--config", "settings.toml"]), &["elevation_mask_deg = 100: give degrees from 0"]);
+    for (text, message) in [
+        (
+            "fix_partial = \"decorrelated\"\nfix_assist = true\n",
+            "fix_partial = Decorrelated: fixes combinations, which",
+        ),
+        ("[integrity.fault]\np_fa = 1.0\n", "integrity: fault.p_fa and fault.p_md are probabilities: give numbers"),
+        ("[baseline_length]\nlength = 1.0\nsigma = 1.0\nuse = \"measure\"\n", "baseline_length.sigma = 1: give metres"),
+    ] {
+        workspace.write("settings.toml", text);
+        refused(&workspace.post(&["--config", "settings.toml"]), &["settings.toml: ", message]);
+    }
     refused(&workspace.post(&["--bands", "G1X"]), &["bands = \"G1X\": write L1, L1L2, L1L2L5", "\"G12 E15\""]);
     let usage = workspace.surefix(&["post", "rover.obs"]);
     assert_eq!(usage.status.code(), Some(2));

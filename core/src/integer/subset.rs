@@ -227,7 +227,10 @@ pub fn resolve_subset<'w, T: Real, const N: usize>(
     }
     let SubsetWorkspace { integers, vector, square, cross, ambiguities, sets } = workspace;
     ambiguities.clear();
-    ambiguities.extend(0..n);
+    for i in 0..n {
+        // There are at most N, as checked above.
+        let _ = ambiguities.push(i);
+    }
     sets.begin(order.iter().copied().filter(|satellite| of.contains(satellite)))?;
     let problem = Problem { mean: a, covariance: q, ambiguities, of, order };
     let mut scratch = Scratch { integers, vector, square, cross: cross.as_flattened_mut() };
@@ -282,54 +285,55 @@ pub fn choose<T: Real, const N: usize>(
     let least = options.min_satellites.max(1);
     let (mut first, mut examined) = (None, 0);
     while sets.trial.len() >= least {
-        let rate = rate(problem, options, sets, scratch)?;
+        let rate = rate(problem, options, None, sets, scratch)?;
         examined += 1;
         let all = *first.get_or_insert(rate);
         if rate.success >= options.min_success {
             return Ok(Some(Chosen { success_rate: rate, first: all, examined }));
         }
         let worst = weakest(problem, options, &mut examined, sets, scratch)?;
-        sets.trial.remove(worst);
+        sets.trial.retain(|satellite| Some(*satellite) != worst);
     }
     Ok(None)
 }
 
-/// Index of the satellite in `sets.trial` (not empty) that is to go next.
+/// The satellite in `sets.trial` that is to go next; none where there is none.
 fn weakest<T: Real, const N: usize>(
     problem: &Problem<'_, T>,
     options: &Options,
     examined: &mut usize,
     sets: &mut Sets<T, N>,
     scratch: &mut Scratch<'_, T, N>,
-) -> Result<usize, IntegerError> {
-    let mut worst = sets.trial.len().saturating_sub(1);
+) -> Result<Option<u8>, IntegerError> {
+    let mut worst = sets.trial.last().copied();
     let Strategy::Search { budget } = options.strategy else { return Ok(worst) };
     let mut best = -1.0;
     for leave in (0..sets.trial.len()).rev() {
         if *examined >= usize::from(budget) || sets.trial.len() <= options.min_satellites.max(1) {
             break;
         }
-        let left = sets.trial.remove(leave);
-        let rate = rate(problem, options, sets, scratch)?.success;
-        let _ = sets.trial.insert(leave, left);
+        let left = sets.trial.get(leave).copied();
+        let rate = rate(problem, options, left, sets, scratch)?.success;
         *examined += 1;
         if rate > best {
-            (best, worst) = (rate, leave);
+            (best, worst) = (rate, left);
         }
     }
     Ok(worst)
 }
 
-/// Bootstrapped success rate of the satellites in `sets.trial` after decorrelation; their states into `sets.states`.
+/// Bootstrapped success rate of the satellites in `sets.trial`, one left out, after decorrelation; their states into
+/// `sets.states`.
 fn rate<T: Real, const N: usize>(
     problem: &Problem<'_, T>,
     options: &Options,
+    leave: Option<u8>,
     sets: &mut Sets<T, N>,
     scratch: &mut Scratch<'_, T, N>,
 ) -> Result<Probability, IntegerError> {
     sets.states.clear();
     for (&state, satellite) in problem.ambiguities.iter().zip(problem.of) {
-        if sets.trial.contains(satellite) {
+        if Some(*satellite) != leave && sets.trial.contains(satellite) {
             sets.states.push(state).map_err(|_| IntegerError::Capacity)?;
         }
     }

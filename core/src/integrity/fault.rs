@@ -197,7 +197,7 @@ impl<'a> Snapshot<'a> {
             squares += value * value / row.variance;
         }
         if count >= unknowns
-            && let Some(covariance) = normal.cholesky().map(|factor| factor.inverse())
+            && let Some(covariance) = normal.try_inverse()
         {
             let delta = covariance * right;
             let fit = Fit {
@@ -206,7 +206,10 @@ impl<'a> Snapshot<'a> {
                 chi_square: squares - right.dot(&delta),
                 degrees_of_freedom: count - unknowns,
             };
-            let sound = fit.chi_square.is_finite() && fit.delta.iter().chain(covariance.iter()).all(|x| x.is_finite());
+            let positive = (0..3).all(|i| covariance[(i, i)] > 0.0);
+            let sound = positive
+                && fit.chi_square.is_finite()
+                && fit.delta.iter().chain(covariance.iter()).all(|x| x.is_finite());
             snapshot.fit = sound.then_some(fit);
         }
         Some(snapshot)

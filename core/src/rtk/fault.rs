@@ -42,7 +42,8 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
         for group in 0..GROUPS {
             for (row, channel) in rows::phase(&self.links, channels, group) {
                 let Some(n) = channel.fixed else { continue };
-                let gradient = to_enu * Vector3::from_fn(|i, _| row.entries[i].1);
+                let [(_, x), (_, y), (_, z)] = row.entries;
+                let gradient = to_enu * Vector3::new(x, y, z);
                 let innovation = row.value + channel.unit() * n;
                 let (variance, excluded, error) = (row.variance, false, 0.0);
                 let first = channels.iter().position(|other| other.satellite == channel.satellite);

@@ -50,6 +50,13 @@ impl<const C: usize> Integers<C> {
         }
     }
 
+    /// Takes all candidates as the subset.
+    pub fn take_all(&mut self) {
+        self.sets.states.clear();
+        // Both have the same capacity.
+        let _ = self.sets.states.extend_from_slice(&self.ambiguities);
+    }
+
     /// The subset's part of `density`, into `vector` and `covariance`; returns how many ambiguities it has.
     pub fn gather<const N: usize>(&mut self, density: &Gaussian<f64, N>) -> Result<usize, IntegerError> {
         let (n, m) = (density.dim(), self.sets.states.len());
@@ -143,7 +150,7 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
     /// Tries the whole set.
     fn fix_all(&mut self, solution: &mut Solution) -> bool {
         let work = &mut self.integers;
-        work.sets.states.clone_from(&work.ambiguities);
+        work.take_all();
         work.sets.states.len() >= self.least_ambiguities()
             && self.accept(solution, true).is_some()
             && self.constrain(solution)
@@ -223,7 +230,8 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
         let work = &mut self.integers;
         let gathered = work.gather(&self.density).and_then(|m| {
             let q = Mat::new(work.covariance.as_flattened(), m, m, C)?;
-            Ok((m, integer::resolve(&work.vector[..m], q, &Config::default(), &mut work.workspace)?))
+            let a = work.vector.get(..m).ok_or(IntegerError::Capacity)?;
+            Ok((m, integer::resolve(a, q, &Config::default(), &mut work.workspace)?))
         });
         let Ok((m, resolution)) = gathered else {
             solution.reason = Reason::Inconsistent;
@@ -233,7 +241,7 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
         for &n in resolution.best {
             let _ = work.sets.values.push(n as f64);
         }
-        work.vector[..m].copy_from_slice(resolution.variances);
+        work.vector.iter_mut().zip(resolution.variances).for_each(|(variance, &found)| *variance = found);
         let found = Found {
             full_success: resolution.success_rate.success,
             norm: resolution.best_norm,
@@ -262,10 +270,11 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
         // The distance of the floats from the integers is χ² with m degrees of freedom. Where it is larger, the floats
         // are worse than their covariance says, and so is the success rate; integers that were proven before are not.
         let factor = if confirmed { 1.0 } else { (found.norm / m as f64).max(1.0) };
-        for variance in &mut work.vector[..m] {
+        for variance in work.vector.iter_mut().take(m) {
             *variance *= factor;
         }
-        let success_rate = integer::success_rate::bootstrapped(&work.vector[..m]).success;
+        let variances = work.vector.get(..m).unwrap_or_default();
+        let success_rate = integer::success_rate::bootstrapped(variances).success;
         if first || success_rate > solution.success_rate {
             solution.ratio = found.ratio;
             solution.success_rate = success_rate;

@@ -42,7 +42,7 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
     fn leave_out_an_eighth(&mut self, count: &mut usize) -> bool {
         *count = count.saturating_sub((*count / 8).max(1));
         let work = &mut self.integers;
-        work.sets.states.clone_from(&work.ambiguities);
+        work.take_all();
         work.sets.states.truncate(*count);
         *count >= self.least_ambiguities()
     }
@@ -138,7 +138,7 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
     fn fix_combinations(&mut self, solution: &mut Solution) -> bool {
         let mut count = self.integers.ambiguities.len();
         let work = &mut self.integers;
-        work.sets.states.clone_from(&work.ambiguities);
+        work.take_all();
         let mut enough = count >= self.least_ambiguities();
         for _ in 1..MAX_SUBSETS {
             if !enough {
@@ -165,7 +165,7 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
             let count = work.gather(&self.density)?;
             let all = Mat::new(self.density.covariance_flat(), n, n, N)?;
             let q = Mat::new(work.covariance.as_flattened(), count, count, C)?;
-            let (a, config) = (&work.vector[..count], Config::default());
+            let (a, config) = (work.vector.get(..count).ok_or(IntegerError::Capacity)?, Config::default());
             let resolution = resolve_partial(a, q, least_rate, &config, &mut work.workspace)?;
             let m = resolution.values.len();
             condition_on_combinations(
@@ -178,7 +178,7 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
                 &mut mean[..kinematic],
                 &mut MatMut::new(covariance.as_flattened_mut(), kinematic, kinematic, KINEMATIC)?,
             )?;
-            work.vector[..m].copy_from_slice(resolution.variances);
+            work.vector.iter_mut().zip(resolution.variances).for_each(|(variance, &found)| *variance = found);
             let found = Found {
                 full_success: resolution.success_rate.success,
                 norm: resolution.best_norm,
