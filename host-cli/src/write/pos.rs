@@ -211,7 +211,8 @@ mod tests {
         let here = Geodetic::from_ecef(&solution.position);
         // 3 m east and 4 m north of its base: atan2(3, 4).
         solution.base = Some(solution.position - here.enu_to_ecef(&Vector3::new(3.0, 4.0, 0.0)));
-        let text = written(&Header::default(), &[solution, nagoya()]);
+        let text =
+            written(&Header::default(), &[solution, Solution { time: solution.time.plus_seconds(1.0), ..nagoya() }]);
         let rows: Vec<Vec<&str>> =
             text.lines().filter(|line| !line.starts_with('%')).map(|line| line.split_whitespace().collect()).collect();
         assert_eq!(rows[0].len(), 2 + 13 + 9 + 6, "{text}");
