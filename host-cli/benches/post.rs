@@ -31,7 +31,7 @@ fn post(criterion: &mut Criterion) {
     group.sample_size(10).throughput(Throughput::Elements(EPOCHS));
     group.bench_function("car drive", |bencher| {
         bencher.iter(|| {
-            let (summary, _) = process(&files, &settings, false, output.path(), false).unwrap();
+            let (summary, _) = process(&files, &settings, false, output.path()).unwrap();
             assert_eq!(summary.epochs, EPOCHS);
         });
     });
