@@ -107,7 +107,7 @@ pub fn condition_on_combinations<T: Real>(
         for (entry, &state) in cross.row_mut(i).iter_mut().zip(states) {
             *entry = T::ZERO;
             for (&t, &ambiguity) in found.combinations.row(i).iter().zip(ambiguities).filter(|(t, _)| **t != 0) {
-                *entry = *entry + T::from_f64(t as f64) * covariance.at(ambiguity, state);
+                *entry += T::from_f64(t as f64) * covariance.at(ambiguity, state);
             }
         }
         for k in i + 1..m {
@@ -118,7 +118,7 @@ pub fn condition_on_combinations<T: Real>(
     for (row, (&variance, &residual)) in cross.iter_mut().zip(found.variances.iter().zip(found.residual)) {
         axpy(conditional_mean, -residual / variance, row);
         let sigma = variance.sqrt();
-        row.iter_mut().for_each(|entry| *entry = *entry / sigma);
+        row.iter_mut().for_each(|entry| *entry /= sigma);
     }
     block::subtract_gram(conditional_covariance, cross.as_ref());
     if conditional_mean.iter().all(|x| x.is_finite()) { Ok(()) } else { Err(IntegerError::NotFinite) }

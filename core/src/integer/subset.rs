@@ -344,7 +344,7 @@ fn rate<T: Real, const N: usize>(
     let mut work = scratch.integers.work(m)?;
     work.prepare(sub_a, sub_q.as_ref())?;
     let factor = T::from_f64(options.variance_factor);
-    work.variances.iter_mut().for_each(|variance| *variance = *variance * factor);
+    work.variances.iter_mut().for_each(|variance| *variance *= factor);
     Ok(success_rate::bootstrapped(work.variances))
 }
 
