@@ -3,9 +3,13 @@
 use std::path::Path;
 use std::process::{Command, Output};
 
-fn study(directory: &Path, arguments: &[&str]) -> Output {
+fn study_of(what: &str, directory: &Path, arguments: &[&str]) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_surefix"));
-    command.args(["study", "mixed-integer", "-o"]).arg(directory).args(arguments).output().unwrap()
+    command.args(["study", what, "-o"]).arg(directory).args(arguments).output().unwrap()
+}
+
+fn study(directory: &Path, arguments: &[&str]) -> Output {
+    study_of("mixed-integer", directory, arguments)
 }
 
 /// The same numbers from one thread and from two; nothing but the tables in a pipe.
@@ -67,4 +71,27 @@ fn a_drive_is_compared_in_every_combination() {
     );
     let best = rows.iter().filter(|row| row[1] == "projection").map(fixed).fold(0.0, f64::max);
     assert!(best <= fixed(&rows[0]), "{table}");
+}
+
+/// All parts of the study of integrity in small: the same from one thread and from two, tables and figures in the directory.
+#[test]
+fn integrity_in_small() {
+    let directory = tempfile::tempdir().unwrap();
+    let run = |threads: &str| {
+        let small = ["--seeds", "1", "--epochs", "160", "--risk-epochs", "6000", "--threads", threads];
+        study_of("integrity", directory.path(), &small)
+    };
+    let (one, two) = (run("1"), run("2"));
+    assert_eq!(one.stdout, two.stdout);
+    let text = String::from_utf8_lossy(&one.stdout);
+    // Of so few epochs none exceeds the smallest risk, which is too good: nothing but that may be missed.
+    assert_eq!(one.status.code(), Some(1), "{text}");
+    assert!(text.lines().filter(|line| line.ends_with("OUTSIDE")).all(|line| line.starts_with("risk 1e-")), "{text}");
+    for row in ["KF, elevation", "IAVAKF residual, floor", "recommended", "Fig. 4", "Tables 3 and 4 of the paper"] {
+        assert!(text.contains(row), "{row}");
+    }
+    for file in ["filters.csv", "risk.csv", "figure4.csv", "figure12-heavy.png", "figure16-constant.svg"] {
+        assert!(directory.path().join(file).is_file(), "{file}");
+    }
+    assert_eq!(study_of("integrity", directory.path(), &["--seeds", "0"]).status.code(), Some(2));
 }
