@@ -1,5 +1,8 @@
 //! One epoch of the filter, base and rover together: `cargo bench -p surefix --bench rtk_epoch`.
 //!
+//! As configured by default, with noise that follows the data, and with all that integrity has besides: subsets by
+//! elevation that help the rest, and the monitor of faults.
+//!
 //! A simulated rover at rest, one band, 12 and 30 satellites. Fewer than 30 are above the horizon, so that some have a
 //! twin: another number, the same orbit and the same observations. To the filter these are as much work as any.
 
@@ -14,6 +17,8 @@ use surefix::simulate::{Simulation, simulate};
 use surefix_core::gnss::ephemeris::Ephemeris;
 use surefix_core::gnss::satellite::SatelliteId;
 use surefix_core::log::Header;
+use surefix_core::rtk::RtkConfig;
+use surefix_core::rtk::config::Partial;
 
 /// Epochs before those that are timed: the ambiguities are fixed by then.
 const WARM_UP: usize = 20;
@@ -74,12 +79,11 @@ impl Inputs {
     }
 
     /// Time for `count` epochs in a filter that has converged; a new one whenever the epochs come to their end.
-    fn time(&self, count: u64) -> Duration {
+    fn time(&self, config: &RtkConfig, count: u64) -> Duration {
         let mut elapsed = Duration::ZERO;
         let mut left = count;
         while left > 0 {
-            let settings = Settings { bands: "L1".into(), ..Settings::default() };
-            let mut engine = Engine::new(settings.config().unwrap());
+            let mut engine = Engine::new(*config);
             let (warm_up, timed) = self.epochs.split_at(WARM_UP);
             for input in self.opening.iter().chain(warm_up.iter().flatten()) {
                 engine.feed(input);
@@ -101,13 +105,31 @@ fn twin(id: SatelliteId) -> SatelliteId {
     SatelliteId::new(id.constellation(), id.number() + TWIN).unwrap_or(id)
 }
 
+/// What is compared.
+fn configurations() -> [(&'static str, RtkConfig); 3] {
+    let mut plain = Settings { bands: "L1".into(), ..Settings::default() }.config().unwrap();
+    plain.adaptation.enabled = false;
+    plain.integrity.fault.enabled = false;
+    let mut adaptive = plain;
+    adaptive.adaptation.enabled = true;
+    // From the first epoch on, so that it is timed.
+    adaptive.adaptation.warm_up = 0;
+    let mut all = adaptive;
+    all.acceptance.partial = Partial::Elevation;
+    all.acceptance.assist = true;
+    all.integrity.fault.enabled = true;
+    [("plain", plain), ("adaptive", adaptive), ("adaptive, subsets, faults", all)]
+}
+
 fn rtk_epoch(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("rtk_epoch");
     for satellites in [12, 30] {
         let inputs = Inputs::new(satellites);
-        group.bench_function(format!("{satellites} satellites"), |bencher| {
-            bencher.iter_custom(|count| inputs.time(count));
-        });
+        for (name, config) in configurations() {
+            group.bench_function(format!("{satellites} satellites, {name}"), |bencher| {
+                bencher.iter_custom(|count| inputs.time(&config, count));
+            });
+        }
     }
     group.finish();
 }

@@ -248,13 +248,22 @@ pub fn resolve_subset<'w, T: Real, const N: usize>(
     for &integer in resolution.best {
         let _ = sets.values.push(T::from_f64(integer as f64));
     }
-    let success_rate =
-        if options.assist { help_rest(&problem, options, success_rate, sets, &mut scratch)? } else { success_rate };
+    let mut product = success_rate;
+    if options.assist {
+        match help_rest(&problem, options, success_rate, sets, &mut scratch) {
+            Ok(helped) => product = helped,
+            // What cannot be helped leaves the chosen ones as they are.
+            Err(_) => {
+                sets.states.truncate(m);
+                sets.values.truncate(m);
+            }
+        }
+    }
     Ok(Some(Subset {
         indices: &sets.states,
         values: &sets.values,
         chosen: m,
-        success_rate,
+        success_rate: product,
         ratio,
         norms,
         method,

@@ -9,6 +9,7 @@
 //! Cost: O(n · rows) with n satellites. Panic contract: none.
 
 use super::channel::GROUPS;
+use super::config::Partial;
 use super::{RtkFilter, rows};
 use crate::filter::screen::Row;
 use crate::gnss::geodesy::Geodetic;
@@ -28,11 +29,16 @@ pub(super) enum Bound {
 }
 
 impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
-    /// Examines a fixed answer.
-    pub(super) fn look_for_faults(&mut self, solution: &mut Solution) {
+    /// Examines a fixed answer; true if a satellite was left out of it.
+    pub(super) fn look_for_faults(&mut self, solution: &mut Solution) -> bool {
         let config = self.config.integrity.fault;
         if !config.enabled || !matches!(solution.quality, Quality::Fixed | Quality::Partial) {
-            return;
+            return false;
+        }
+        // What is fixed by combinations has no integers to examine.
+        if self.config.acceptance.partial == Partial::Decorrelated && solution.quality == Quality::Partial {
+            self.monitor.bound_faults(Bound::Unchecked);
+            return false;
         }
         let to_enu = Geodetic::from_ecef(&self.linearized).enu_rotation();
         let channels = self.channels.as_slice();
@@ -54,18 +60,18 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
         }
         let Some(found) = examine(&self.rows, of, &config) else {
             self.monitor.bound_faults(Bound::Unchecked);
-            return;
+            return false;
         };
         self.monitor.bound_faults(match found.verdict {
             Verdict::Clear | Verdict::Excluded(_) => Bound::Within(found.levels),
             Verdict::Unresolved => Bound::Unresolved,
             Verdict::Unchecked => Bound::Unchecked,
         });
-        if let Verdict::Excluded(index) = found.verdict {
-            solution.position = self.linearized + to_enu.transpose() * found.delta;
-            solution.position_covariance = to_enu.transpose() * found.covariance * to_enu;
-            self.reopen_faulty(index, solution);
-        }
+        let Verdict::Excluded(index) = found.verdict else { return false };
+        solution.position = self.linearized + to_enu.transpose() * found.delta;
+        solution.position_covariance = to_enu.transpose() * found.covariance * to_enu;
+        self.reopen_faulty(index, solution);
+        true
     }
 
     /// Takes the satellite of a channel out of the answer, and its ambiguities to have jumped.
@@ -80,6 +86,7 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
             channel.fixed = None;
             channel.slip_pending = true;
         }
+        solution.satellites_used.remove(satellite);
         solution.satellites_rejected.insert(satellite);
         (solution.quality, solution.reason) = (Quality::Partial, Reason::SubsetOnly);
         self.constrained.end();

@@ -100,12 +100,10 @@ pub(super) struct Found {
     pub method: Method,
 }
 
-/// What accepted integers were held to.
+/// What accepted integers say of the rest.
 #[derive(Clone, Copy)]
 pub(super) struct Accepted {
-    pub success_rate: f64,
-    pub ratio: f64,
-    /// How much larger variances are than the covariance says.
+    /// How much larger variances are than the covariance says, by the distance of the floats from these integers.
     pub variance_factor: f64,
 }
 
@@ -128,7 +126,7 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
     }
 
     /// Forgets the integers that were accepted.
-    fn forget_integers(&mut self) {
+    pub(super) fn forget_integers(&mut self) {
         self.constrained.end();
         for channel in self.channels.as_mut_slice() {
             channel.fixed = None;
@@ -136,7 +134,7 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
     }
 
     /// Takes a fix back whose vector has not the length that it is known to have.
-    fn keep_length(&mut self, solution: &mut Solution, single: Option<&SinglePoint>) -> bool {
+    pub(super) fn keep_length(&mut self, solution: &mut Solution, single: Option<&SinglePoint>) -> bool {
         if self.has_length(solution, single) {
             return true;
         }
@@ -269,7 +267,8 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
         let work = &mut self.integers;
         // The distance of the floats from the integers is χ² with m degrees of freedom. Where it is larger, the floats
         // are worse than their covariance says, and so is the success rate; integers that were proven before are not.
-        let factor = if confirmed { 1.0 } else { (found.norm / m as f64).max(1.0) };
+        let scatter = (found.norm / m as f64).max(1.0);
+        let factor = if confirmed { 1.0 } else { scatter };
         for variance in work.vector.iter_mut().take(m) {
             *variance *= factor;
         }
@@ -299,7 +298,7 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
         }
         solution.ratio = found.ratio;
         solution.success_rate = success_rate;
-        Some(Accepted { success_rate: least_success, ratio: least_ratio, variance_factor: factor })
+        Some(Accepted { variance_factor: scatter })
     }
 
     /// The constrained density: position and velocity given the values of the subset.

@@ -5,8 +5,9 @@
 //!   and σ), are refused.
 //! * measure: the relaxed density takes the row
 //!   ```text
-//!   L − ‖b̂‖ = uᵀ δ + e,   u = b̂/‖b̂‖,   var e = σ² + (tr P⊥/2L)² + tr(P⊥²)/2L²,   P⊥ = (I − uuᵀ) P (I − uuᵀ)
+//!   L − ‖b̂‖ = uᵀ δ + e,   u = b̂/‖b̂‖,   var e = σ² + uᵀ C u + (tr P⊥/2L)² + tr(P⊥²)/2L²
 //!   ```
+//!   with P⊥ = (I − uuᵀ)(P + C)(I − uuᵀ), C the covariance of what the rover moved between both instants,
 //!   after the observations of the epoch. The last two terms are mean and variance of the length's second order in what lies
 //!   across it (Bar-Shalom, Li & Kirubarajan, *Estimation with Applications to Tracking and Navigation*, 2001, sec. 10.3.2);
 //!   the mean counts as variance and not as a correction, because its sign is another one for a prior than for an error. While √tr(P⊥) exceeds
@@ -30,16 +31,15 @@ const SIGMAS: f64 = 4.0;
 const MAX_ANGLE: f64 = 0.35;
 
 impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
-    /// The vector of a rover position, its covariance with what bringing it to the instant of the base adds.
+    /// The vector of a rover position, and the covariance that bringing it to the instant of the base adds.
     fn vector(
         &self,
         time: GpsTime,
         position: Vector3<f64>,
-        covariance: Matrix3<f64>,
         single: Option<&SinglePoint>,
     ) -> Option<(Vector3<f64>, Matrix3<f64>)> {
         let (carried, spread) = self.carried(time, single).unwrap_or_default();
-        Some((position - carried - self.base_position?, covariance + spread))
+        Some((position - carried - self.base_position?, spread))
     }
 
     /// Whether the length of a fixed vector is the known one, if that is to be validated.
@@ -47,19 +47,21 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
         let Some(known) = self.config.baseline_length.filter(|known| known.usage == LengthUse::Validate) else {
             return true;
         };
-        let vector = self.vector(solution.time, solution.position, solution.position_covariance, single);
-        let Some((vector, covariance)) = vector else { return true };
-        let (length, along) = along(&vector, &covariance);
+        let Some((vector, spread)) = self.vector(solution.time, solution.position, single) else { return true };
+        let (length, along) = along(&vector, &(solution.position_covariance + spread));
         libm::fabs(length - known.length) <= SIGMAS * libm::sqrt(along + known.sigma * known.sigma)
     }
 
     /// Takes the known length as a measurement, if it is one.
     pub(super) fn measure_length(&mut self, time: GpsTime, single: Option<&SinglePoint>) {
         let Some(known) = self.config.baseline_length.filter(|known| known.usage == LengthUse::Measure) else { return };
+        let Some((vector, carried)) = self.vector(time, self.position, single) else { return };
         let covariance = Matrix3::from_fn(|i, j| self.density.covariance(i, j));
-        let Some((vector, covariance)) = self.vector(time, self.position, covariance, single) else { return };
-        let Some((direction, value, variance)) = length_row(&known, &vector, &covariance) else { return };
-        let spread = (direction.transpose() * covariance * direction)[(0, 0)] + variance;
+        let Some((direction, value, variance)) = length_row(&known, &vector, &(covariance + carried)) else { return };
+        let along = |covariance: &Matrix3<f64>| (direction.transpose() * covariance * direction)[(0, 0)].max(0.0);
+        // What carrying adds along the vector is noise of the row: the density does not have it.
+        let variance = variance + along(&carried);
+        let spread = along(&covariance) + variance;
         if value * value > self.config.screening.outlier * self.config.screening.outlier * spread {
             return;
         }

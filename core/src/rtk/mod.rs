@@ -306,7 +306,9 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
         self.settle(epoch.time, &mut solution);
         self.monitor.note(gauge, solution.position_covariance);
         self.fix(&mut solution, single);
-        self.look_for_faults(&mut solution);
+        if self.look_for_faults(&mut solution) {
+            self.keep_length(&mut solution, single);
+        }
         self.report_vector(&mut solution, single);
         solution
     }

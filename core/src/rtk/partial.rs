@@ -54,13 +54,9 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
                 break;
             }
             if let Some(accepted) = self.accept(solution, false) {
-                let work = &mut self.integers;
-                let begun = work.sets.begin(work.of.iter().copied()).is_ok();
                 // Of a satellite that was cut in two the rest may be helped as well.
-                work.sets.trial.clear();
-                if begun {
-                    self.help_rest(solution, &accepted);
-                }
+                self.integers.sets.trial.clear();
+                self.help_rest(solution, &accepted);
                 if self.constrain(solution) {
                     return true;
                 }
@@ -112,14 +108,16 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
         false
     }
 
-    /// What is accepted helps the rest, where that is configured.
+    /// What is accepted helps the rest, where that is configured. Those helped are held to what integers that were never
+    /// proven are held to, also by integers that were.
     fn help_rest(&mut self, solution: &mut Solution, accepted: &Accepted) {
-        if !self.config.acceptance.assist {
+        let acceptance = self.config.acceptance;
+        if !acceptance.assist {
             return;
         }
         let options = Options {
-            min_success: accepted.success_rate,
-            min_ratio: accepted.ratio,
+            min_success: acceptance.success_rate,
+            min_ratio: acceptance.ratio,
             variance_factor: accepted.variance_factor,
             ..Options::default()
         };
@@ -205,9 +203,7 @@ impl<const C: usize, const N: usize, const E: usize> RtkFilter<C, N, E> {
         self.report_conditional(solution, &mean, &covariance, m);
         // Single integers that were proven before stay so where the combinations agree with them.
         if !confirmed {
-            for channel in self.channels.as_mut_slice() {
-                channel.fixed = None;
-            }
+            self.forget_integers();
         }
         true
     }

@@ -108,11 +108,19 @@ fn degrade_at(epochs: &[ObservationEpoch], places: &[Place], sky: &Sky, scenario
             let canyons = &scenario.canyons;
             let street = if canyons.follow_heading { place.heading } else { canyons.street_deg.to_radians() };
             let roof = stretch.map(|stretch| (stretch, stretch.mask(seconds, look.azimuth, street)));
+            // Signals without a wavelength stay as they are, and so does a satellite with no other.
+            let wavelength = |observation: &Observation| {
+                observation.signal.wavelength(satellite.constellation(), sky.glonass_channel(satellite))
+            };
+            if !observations.iter().any(|observation| wavelength(observation).is_some()) {
+                degraded.unknown.insert(satellite);
+                output.observations.extend(observations.iter().copied().copied());
+                continue;
+            }
             let view = body.view(epoch.time, look.elevation, roof, scenario, &mut degraded.events);
             for observation in observations {
                 let signal = observation.signal;
-                let wavelength = signal.wavelength(satellite.constellation(), sky.glonass_channel(satellite));
-                let Some(wavelength) = wavelength else {
+                let Some(wavelength) = wavelength(observation) else {
                     degraded.unknown.insert(satellite);
                     output.observations.push(**observation);
                     continue;

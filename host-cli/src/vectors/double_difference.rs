@@ -44,6 +44,9 @@ pub mod inputs_alone {
             let truth = epoch.list("N_true")?;
             let wrong = filter.integers().filter(|&(index, value)| truth.get(index) != Some(&(value as f64))).count();
             report.compare("double_difference.wrong_integers", &id, &json!(wrong), &json!(0), None);
+            // Three satellites on two bands at least.
+            let enough = filter.integers().count() >= 6;
+            report.compare("double_difference.fixed_ambiguities", &id, &json!(enough), &json!(true), None);
             // Within six standard deviations of each axis: exceeded once in 5e8.
             let r = Vector3::from(epoch.numbers::<3>("r_true")?);
             for axis in 0..3 {
@@ -169,9 +172,9 @@ fn run_file(root: Inputs, inputs: Inputs, report: &mut Report) -> Result<(), Cas
         let known: BTreeMap<usize, i64> =
             indices.iter().zip(&values).map(|(&index, &value)| (index as usize, value as i64)).collect();
         report.compare("double_difference.integers", &id, &json!(found), &json!(known), None);
-        let (Some((position, covariance)), Some(_)) = (answer.conditional, wanted.0["rfix"].as_array()) else {
-            continue;
-        };
+        let is_fixed = wanted.0["rfix"].is_array();
+        report.compare("double_difference.is_fixed", &id, &json!(answer.conditional.is_some()), &json!(is_fixed), None);
+        let Some((position, covariance)) = answer.conditional.filter(|_| is_fixed) else { continue };
         let fixed_variance = wanted.numbers::<3>("Pfixd")?;
         for (i, (expected, variance)) in wanted.numbers::<3>("rfix")?.into_iter().zip(fixed_variance).enumerate() {
             let mut near = |check: &str, computed: f64, expected: f64, tolerance: f64| {

@@ -59,12 +59,21 @@ pub fn scale<T: Real>(r: &mut MatMut<'_, T>, r0: Mat<'_, T>, ratios: &[T]) -> Re
         return Err(LinalgError::Shape);
     }
     r.copy_from(r0)?;
-    for (row, &own) in r.iter_mut().zip(ratios) {
-        for (entry, &other) in row.iter_mut().zip(ratios) {
-            *entry *= (own * other).sqrt();
+    for (i, &own) in ratios.iter().enumerate() {
+        for (j, &other) in ratios.iter().enumerate() {
+            r.set(i, j, r.as_ref().at(i, j) * (own * other).sqrt());
         }
     }
     Ok(())
+}
+
+/// R ← D^½ R D^½ for the roots of the ratios D.
+pub fn rescale<T: Real>(r: &mut MatMut<'_, T>, roots: &[T]) {
+    for (row, &own) in r.iter_mut().zip(roots) {
+        for (entry, &other) in row.iter_mut().zip(roots) {
+            *entry *= own * other;
+        }
+    }
 }
 
 /// The factor L of R₀ = L Lᵀ into `factor`, as [`mean_ratio`] wants it.

@@ -26,6 +26,12 @@ pub(super) struct Integers<T, const A: usize> {
 }
 
 impl<T: Real, const A: usize> Integers<T, A> {
+    /// Forgets integers.
+    pub fn clear(&mut self) {
+        self.indices.clear();
+        self.values.clear();
+    }
+
     pub const fn new() -> Self {
         Self {
             whole: [0.0; A],
@@ -120,13 +126,17 @@ impl<T: Real, const A: usize, const N: usize, const M: usize> DoubleDifferenceFi
             beta: self.learned.beta,
             gated: self.gated,
         };
-        if self.resolve(&mut answer)? {
-            let conditional = self.condition()?;
+        // Integers that cannot be found leave the float answer.
+        let found = self.resolve(&mut answer).unwrap_or(false);
+        if let Some(conditional) = found.then(|| self.condition().ok()).flatten() {
             answer.conditional = Some(conditional);
             answer.basis = factors.basis(answer.failure, answer.ratio >= self.options.ratio);
             if answer.basis != Basis::Float {
                 (answer.position, answer.covariance) = conditional;
             }
+        } else {
+            self.integers.clear();
+            (answer.fixed, answer.failure, answer.ratio) = (0, 1.0, 0.0);
         }
         if !self.options.two_passes {
             self.success = answer.full_success;
@@ -155,9 +165,10 @@ impl<T: Real, const A: usize, const N: usize, const M: usize> DoubleDifferenceFi
         let q = Mat::new(integers.q.as_flattened(), a, a, A)?;
         let fraction = head(&integers.fraction, a);
         let found = resolve_subset(fraction, q, &of, order, &options.subset, workspace)?;
-        integers.indices.clear();
-        integers.values.clear();
-        let Some(subset) = found else { return Ok(false) };
+        let Some(subset) = found else {
+            answer.full_success = workspace.success_rate(fraction, q)?.success;
+            return Ok(false);
+        };
         answer.full_success = subset.full_success_rate.success;
         answer.failure = subset.success_rate.failure;
         answer.ratio = subset.ratio.to_f64();

@@ -143,7 +143,7 @@ struct Geometry<'a, T> {
 impl<T: Real> Rows<T> for Geometry<'_, T> {
     fn for_each(&self, row: usize, entry: &mut dyn FnMut(usize, T)) {
         let s = self.directions.len();
-        let (kind, i) = if s > 0 { (row / s, row % s) } else { return };
+        let (Some(kind), Some(i)) = (row.checked_div(s), row.checked_rem(s)) else { return };
         for (axis, &h) in self.directions.get(i).into_iter().flatten().enumerate() {
             entry(axis, h);
         }
@@ -258,15 +258,16 @@ impl<T: Real, const A: usize, const N: usize, const M: usize> DoubleDifferenceFi
         self.factors = Some(factors);
         (self.started, self.first, self.reference) = (true, true, None);
         self.satellites.clear();
-        (self.epochs, self.success, self.beta) = (0, 0.0, Beta::new(self.options.first_beta));
-        self.learned = Learned::new();
+        self.forget_noise();
+        self.integers.clear();
         self.window.clear();
         Ok(())
     }
 
     /// One epoch, `step` seconds after the one before. The first one has no prediction. `whole` is for R* as a whole matrix.
     ///
-    /// On an error the state is as predicted, and the next epoch may go on from there.
+    /// On an error the state is as predicted, R* begins anew from R₀ with its warm-up, and the next epoch may go on from
+    /// there. Integers that cannot be found make no error: the answer is the float one.
     pub fn step(
         &mut self,
         step: f64,
@@ -280,16 +281,25 @@ impl<T: Real, const A: usize, const N: usize, const M: usize> DoubleDifferenceFi
         if wants_whole && whole.is_none() {
             return Err(DoubleDifferenceError::NoWholeNoise);
         }
-        if !(step > 0.0 && step.is_finite()) || !sights.iter().all(Sight::is_finite) {
+        let sound = step > 0.0 && step.is_finite() && sights.iter().all(Sight::is_finite);
+        if !sound {
             return Err(DoubleDifferenceError::NotFinite);
         }
         self.check_satellites(sights)?;
+        self.integers.clear();
         if !self.first {
             self.predict(step)?;
         }
         self.first = false;
-        self.remap(sights, whole.as_deref_mut())?;
-        self.update_and_learn(whole)?;
+        let updated =
+            self.remap(sights, whole.as_deref_mut()).and_then(|()| self.update_and_learn(whole.as_deref_mut()));
+        if let Err(error) = updated {
+            self.forget_noise();
+            if let Some(whole) = whole {
+                whole.forget();
+            }
+            return Err(error);
+        }
         self.density.cut(self.states())?.commit();
         self.answer()
     }
@@ -329,28 +339,38 @@ impl<T: Real, const A: usize, const N: usize, const M: usize> DoubleDifferenceFi
             self.prior_spread(whole)?;
         }
         let learns = options.adaptation != Adaptation::Off && self.epochs >= options.warm_up;
-        self.epochs = self.epochs.saturating_add(1);
         self.update(whole.as_deref())?;
-        if !learns {
-            return Ok(());
+        if learns {
+            let again = self.learn_and_update(whole);
+            if again.is_err() {
+                self.density.cut(self.states())?.roll_back();
+            }
+            again?;
         }
+        self.epochs = self.epochs.saturating_add(1);
+        Ok(())
+    }
+
+    /// Learns from an update, and if so configured makes it anew.
+    fn learn_and_update(&mut self, mut whole: Option<&mut WholeNoise<T, M>>) -> Result<(), DoubleDifferenceError> {
+        let two_passes = self.options.two_passes;
         if let Some(assumed) = self.assumed_success {
             self.success = assumed;
-        } else if options.two_passes {
+        } else if two_passes {
             self.success = self.full_success_rate()?;
         }
-        let learned = self.learn(whole.as_deref_mut());
-        let again = learned.and_then(|()| {
-            if options.two_passes {
-                self.density.cut(self.states())?.roll_back();
-                self.update(whole.as_deref())?;
-            }
-            Ok(())
-        });
-        if again.is_err() {
+        self.learn(whole.as_deref_mut())?;
+        if two_passes {
             self.density.cut(self.states())?.roll_back();
+            self.update(whole.as_deref())?;
         }
-        again
+        Ok(())
+    }
+
+    /// Forgets what was learned.
+    fn forget_noise(&mut self) {
+        (self.epochs, self.success, self.beta) = (0, 0.0, Beta::new(self.options.first_beta));
+        self.learned = Learned::new();
     }
 
     /// Directions and innovations at the predicted mean.

@@ -5,6 +5,9 @@
 //! ratios     R* = D^½ R₀ D^½, D from residuals, for each type or channel; also the gate
 //! whole      R* ← (1 − β) R* + β E, generalised eigenvalues by R₀ clipped                        (25), guarded
 //! ```
+//! Codes are used with κ times their variance, as their noise is correlated in time ([`overbound`](super::Options::overbound)). What is learned
+//! of them is the noise without κ: ratios of (ε² + h P⁺ hᵀ/κ)/(R₀/κ), the spread being that of a filter that overbounds.
+//!
 //! Gate: a double difference whose normalised innovation exceeds it has its variance raised until it does not (P. J. Huber's
 //! weights, on innovations), so that R* stays positive definite whatever is gated.
 
@@ -81,6 +84,11 @@ impl<T: Real, const M: usize> WholeNoise<T, M> {
             vectors: zero,
             values: [T::ZERO; M],
         }
+    }
+
+    /// Begins anew from R₀ in the next epoch.
+    pub(super) fn forget(&mut self) {
+        self.rows = 0;
     }
 
     /// R* as updates use it.
@@ -175,11 +183,7 @@ impl<T: Real, const A: usize, const N: usize, const M: usize> DoubleDifferenceFi
             *root = ratio.sqrt();
         }
         if any {
-            for (row, &own) in noise.iter_mut().zip(&*roots) {
-                for (entry, &other) in row.iter_mut().zip(&*roots) {
-                    *entry *= own * other;
-                }
-            }
+            ratio::rescale(&mut noise, roots);
         }
         Ok(())
     }
@@ -216,6 +220,7 @@ impl<T: Real, const A: usize, const N: usize, const M: usize> DoubleDifferenceFi
         let beta = T::from_f64(self.next_beta());
         let (n, m, s) = (self.states(), self.measurements(), self.satellites.len());
         let Self { options, directions, density, innovation, residual, .. } = self;
+        let overbound = T::from_f64(options.overbound).sqrt();
         let wavelengths = options.wavelengths.map(T::from_f64);
         let geometry = Geometry { directions: head(directions, s), wavelengths };
         for (row, (residual, &innovation)) in residual.iter_mut().zip(&*innovation).enumerate().take(m) {
@@ -224,6 +229,10 @@ impl<T: Real, const A: usize, const N: usize, const M: usize> DoubleDifferenceFi
             geometry.for_each(row, &mut |state, h| {
                 *residual += -(h * correction.get(state).copied().unwrap_or(T::ZERO));
             });
+            // R₀ of codes is the overbounding one: their squares are to be as much larger.
+            if row < BANDS * s {
+                *residual *= overbound;
+            }
         }
         let bounds = options.bounds.map(|bounds| bounds.map(T::from_f64));
         match options.adaptation {
@@ -286,7 +295,8 @@ impl<T: Real, const A: usize, const N: usize, const M: usize> DoubleDifferenceFi
         Ok(())
     }
 
-    /// Variances of R* as the latest update used it: those of R₀ where nothing was learned.
+    /// Variance of a measurement in R* as the coming update uses it, without what the gate may add: that of R₀ where nothing
+    /// was learned. `whole` is for the forms that have it.
     pub fn noise_variance(&self, row: usize, whole: Option<&WholeNoise<T, M>>) -> f64 {
         let s = self.satellites.len();
         if let Some(whole) = whole {

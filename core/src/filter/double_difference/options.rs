@@ -31,6 +31,9 @@ pub struct Options {
     pub motion_noise: f64,
     /// Noise of one code observation.
     pub code: Noise,
+    /// By what the variance of codes is multiplied because their noise is correlated in time: twice the correlation time in
+    /// epochs makes the filter's memory as long as it is. What is learned of codes is learned of them without it. 1 for none.
+    pub overbound: f64,
     /// Noise of one phase observation.
     pub phase: Noise,
     /// Variance of a new ambiguity `[cycles²]`.
@@ -51,7 +54,8 @@ pub struct Options {
     pub gate: f64,
     /// Which integers are fixed.
     pub subset: subset::Options,
-    /// Least ratio of the squared norms of second-best and best integers; 0 for no such test.
+    /// Least ratio of the squared norms of second-best and best integers; 0 for no such test: then every fix counts as
+    /// accepted by the data, as the paper has it, although only its success rate P₀ speaks for it.
     pub ratio: f64,
     /// Risk, rule and alert limits.
     pub integrity: Config,
@@ -66,6 +70,7 @@ impl Options {
         wavelengths: [SPEED_OF_LIGHT / 1575.42e6, SPEED_OF_LIGHT / 1227.6e6],
         motion_noise: 1.0,
         code: Noise { constant: 0.3, elevation: 0.0 },
+        overbound: 1.0,
         phase: Noise { constant: 0.01, elevation: 0.0 },
         new_ambiguity: 900.0,
         adaptation: Adaptation::Off,
@@ -84,7 +89,9 @@ impl Options {
     /// Code noise that overbounds what is correlated in time, weights by elevation, a ratio for each channel that is never
     /// below 1, a ratio test, a gate, and levels that grow with the innovations.
     pub const RECOMMENDED: Self = Self {
-        code: Noise { constant: 0.0, elevation: 2.0 },
+        code: Noise { constant: 0.0, elevation: 0.3 },
+        // 2 m instead of 0.3 m.
+        overbound: 4.0 / 0.09,
         phase: Noise { constant: 0.0, elevation: 0.01 },
         adaptation: Adaptation::Channel,
         first_beta: 0.03,
@@ -105,6 +112,8 @@ impl Options {
             && self.motion_noise >= 0.0
             && self.motion_noise.is_finite()
             && [self.code, self.phase].iter().all(|noise| positive(noise.variance(1.0, None)))
+            && self.overbound >= 1.0
+            && self.overbound.is_finite()
             && positive(self.new_ambiguity)
             && self.forgetting.is_sound()
             && self.first_beta > 0.0

@@ -61,7 +61,8 @@ impl<T: Real, const A: usize, const N: usize, const M: usize> DoubleDifferenceFi
         }
         for (sight, to) in self.positions.iter().zip(&mut self.variances) {
             let variance = |noise: &crate::model::noise::Noise| T::from_f64(noise.variance(sight.sin_elevation, None));
-            *to = [variance(&self.options.code), variance(&self.options.phase)];
+            let overbound = T::from_f64(self.options.overbound);
+            *to = [overbound * variance(&self.options.code), variance(&self.options.phase)];
         }
         let (before, s) = (self.satellites.len(), origins.len());
         let same = before == s && origins.iter().enumerate().all(|(i, origin)| *origin == Origin::Same(i));
@@ -113,17 +114,23 @@ impl<T: Real, const A: usize, const N: usize, const M: usize> DoubleDifferenceFi
         Ok(())
     }
 
-    /// A ratio stays with its satellite; a new one begins with 1.
+    /// A ratio stays with its satellite; a new one begins with the mean of its type, as whoever comes back between trees is
+    /// no better than those that stayed.
     fn remap_ratios(&mut self, origins: &[Origin], before: usize) {
         let s = origins.len();
         let old = self.learned.channels;
-        for (row, to) in self.learned.channels.iter_mut().enumerate().take(TYPES * s) {
-            *to = match origins.get(row % s) {
-                Some(Origin::Same(from) | Origin::Difference(from, _)) => {
-                    old.get(row / s * before + from).copied().unwrap_or(T::ONE)
-                }
-                _ => T::ONE,
-            };
+        for kind in 0..TYPES {
+            let known = old.iter().skip(kind * before).take(before);
+            let sum = known.fold(T::ZERO, |sum, &ratio| sum + ratio);
+            let mean = if before > 0 { sum / T::from_f64(before as f64) } else { T::ONE };
+            for (to, origin) in self.learned.channels.iter_mut().skip(kind * s).zip(origins) {
+                *to = match *origin {
+                    Origin::Same(from) | Origin::Difference(from, _) => {
+                        old.get(kind * before + from).copied().unwrap_or(mean)
+                    }
+                    Origin::New | Origin::Negative(_) => mean,
+                };
+            }
         }
     }
 

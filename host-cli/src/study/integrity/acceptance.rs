@@ -26,12 +26,12 @@ fn of_table(table: &Table) -> Vec<Line> {
     // Positive definite by construction, and by trial in every epoch.
     let indefinite: usize = table.rows.iter().map(|(_, outcome)| outcome.indefinite).sum();
     lines.push(Line::exact(format!("{name}: epochs with an indefinite R*, all filters"), indefinite as f64, 0.0, 0.0));
+    let refused: usize = table.rows.iter().map(|(_, outcome)| outcome.refused).sum();
+    lines.push(Line::exact(format!("{name}: epochs refused, all filters"), refused as f64, 0.0, 0.0));
     let of = |name: &str| table.outcome(name);
     match table.noise {
         Noise::Constant => {
-            for (variant, _) in
-                VARIANTS.iter().zip(0..).filter(|(v, _)| ["AKF per channel", "AKF per type"].contains(&v.name))
-            {
+            for variant in VARIANTS.iter().filter(|v| ["AKF per channel", "AKF per type"].contains(&v.name)) {
                 if let (Some(plain), Some(adaptive)) = (of("KF"), of(variant.name)) {
                     let quantity = format!("{name}: rms of {} / rms of KF", variant.name);
                     lines.push(Line::exact(quantity, adaptive.rms / plain.rms, 0.0, 1.03));
@@ -66,7 +66,7 @@ fn of_table(table: &Table) -> Vec<Line> {
 
 /// At or below what is promised within the 95 % interval, and not more than twenty times below.
 fn of_risk(outcome: &super::risk::Outcome) -> Vec<Line> {
-    let mut lines = Vec::new();
+    let mut lines = vec![Line::exact("risk: epochs dropped".into(), outcome.dropped as f64, 0.0, 0.0)];
     for (risk, rates) in RISKS.iter().zip(&outcome.rates) {
         let promised = promised(*risk);
         for (level, rate) in LEVELS.iter().zip(rates) {

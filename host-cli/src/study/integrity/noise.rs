@@ -74,7 +74,8 @@ pub struct Noises {
     reflected: Vec<Option<(f64, [f64; 2])>>,
 }
 
-fn normal(random: &mut ChaCha8Rng) -> f64 {
+/// Standard normal.
+pub(super) fn normal(random: &mut ChaCha8Rng) -> f64 {
     random.sample(StandardNormal)
 }
 
@@ -189,7 +190,7 @@ mod tests {
                 }
             }
         }
-        (sum / count as f64).sqrt()
+        (sum / count).sqrt()
     }
 
     /// √2 of the undifferenced figures of the table, within the scatter of a few hundred samples.

@@ -22,9 +22,10 @@ pub struct Sample {
 }
 
 impl Sample {
-    /// Whether the horizontal, and the vertical error exceeds its level.
+    /// Whether the horizontal, and the vertical error exceeds its level; without a level it does.
     pub fn beyond(&self) -> [bool; 2] {
-        [self.error.xy().norm() > self.levels[0], self.error.z.abs() > self.levels[1]]
+        let errors = [self.error.xy().norm(), self.error.z.abs()];
+        [0, 1].map(|k| errors[k].partial_cmp(&self.levels[k]).is_none_or(std::cmp::Ordering::is_gt))
     }
 }
 
@@ -68,21 +69,25 @@ pub fn run(variant: &Variant, record: &Record) -> Run {
             continue;
         }
         let fixed = answer.basis != Basis::Float;
-        let reference = filter.reference().map_or(0, usize::from);
-        let satellites = filter.satellites();
-        let right = |(index, value): (usize, i64)| {
-            let (band, satellite) = (index / satellites.len(), usize::from(satellites[index % satellites.len()]));
-            value == epoch.ambiguities[satellite][band] - epoch.ambiguities[reference][band]
-        };
         run.samples.push(Sample {
             error: answer.position - epoch.position,
             levels: answer.levels.map_or([f64::NAN; 2], |levels| [levels.horizontal, levels.vertical]),
             fixed,
-            wrong: fixed && !filter.integers().all(right),
+            wrong: fixed && !integers_are_right(&filter, &epoch.ambiguities),
             success: answer.full_success,
         });
     }
     run
+}
+
+/// Whether all integers of the latest epoch are those of the satellites' ambiguities, by number, on both bands.
+pub fn integers_are_right(filter: &DoubleDifference22<f64>, ambiguities: &[[i64; 2]]) -> bool {
+    let reference = filter.reference().map_or(0, usize::from);
+    let satellites = filter.satellites();
+    filter.integers().all(|(index, value)| {
+        let (band, satellite) = (index / satellites.len(), usize::from(satellites[index % satellites.len()]));
+        value == ambiguities[satellite][band] - ambiguities[reference][band]
+    })
 }
 
 /// Position and velocity of an epoch.
