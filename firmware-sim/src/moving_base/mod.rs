@@ -71,11 +71,13 @@ macro_rules! moving_base_over_uart {
     ($scalar:ty) => {
         #[cortex_m_rt::entry]
         fn main() -> ! {
+            static mut PLAIN: $crate::moving_base::drive::Drive<$scalar> =
+                $crate::moving_base::drive::Drive::new($crate::moving_base::drive::Kind::Plain);
+            static mut ADAPTIVE: $crate::moving_base::drive::Drive<$scalar> =
+                $crate::moving_base::drive::Drive::new($crate::moving_base::drive::Kind::Adaptive);
             use $crate::board::{self, Board};
-            use $crate::moving_base::drive::{Drive, Kind};
+            use $crate::moving_base::drive::Drive;
             use $crate::moving_base::{Stopped, Summary, run};
-            static mut PLAIN: Drive<$scalar> = Drive::new(Kind::Plain);
-            static mut ADAPTIVE: Drive<$scalar> = Drive::new(Kind::Adaptive);
             let Some(Board { counter, mut uart, stack }) = Board::take() else { board::exit(1) };
             let mut all = [Summary::default(); 2];
             for (drive, summary) in [PLAIN, ADAPTIVE].into_iter().zip(&mut all) {

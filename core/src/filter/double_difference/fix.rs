@@ -130,7 +130,9 @@ impl<T: Real, const A: usize, const N: usize, const M: usize> DoubleDifferenceFi
         let found = self.resolve(&mut answer).unwrap_or(false);
         if let Some(conditional) = found.then(|| self.condition().ok()).flatten() {
             answer.conditional = Some(conditional);
-            answer.basis = factors.basis(answer.failure, answer.ratio >= self.options.ratio);
+            // A test that failed is not outweighed by a success rate, which knows nothing of biases.
+            let accepted = answer.ratio >= self.options.ratio;
+            answer.basis = if accepted { factors.basis(answer.failure, true) } else { Basis::Float };
             if answer.basis != Basis::Float {
                 (answer.position, answer.covariance) = conditional;
             }

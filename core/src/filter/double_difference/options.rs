@@ -54,7 +54,7 @@ pub struct Options {
     pub gate: f64,
     /// Which integers are fixed.
     pub subset: subset::Options,
-    /// Least ratio of the squared norms of second-best and best integers; 0 for no such test: then every fix counts as
+    /// Least ratio of the squared norms of second-best and best integers, without which no fix counts; 0 for no such test: then every fix counts as
     /// accepted by the data, as the paper has it, although only its success rate P₀ speaks for it.
     pub ratio: f64,
     /// Risk, rule and alert limits.
