@@ -130,9 +130,10 @@ impl<T: Real, const A: usize, const N: usize, const M: usize> DoubleDifferenceFi
         let found = self.resolve(&mut answer).unwrap_or(false);
         if let Some(conditional) = found.then(|| self.condition().ok()).flatten() {
             answer.conditional = Some(conditional);
-            // A test that failed is not outweighed by a success rate, which knows nothing of biases.
-            let accepted = answer.ratio >= self.options.ratio;
-            answer.basis = if accepted { factors.basis(answer.failure, true) } else { Basis::Float };
+            // Data that contradict are not outweighed by a success rate, which knows nothing of biases.
+            if answer.ratio >= self.options.veto {
+                answer.basis = factors.basis(answer.failure, answer.ratio >= self.options.ratio);
+            }
             if answer.basis != Basis::Float {
                 (answer.position, answer.covariance) = conditional;
             }
@@ -156,7 +157,7 @@ impl<T: Real, const A: usize, const N: usize, const M: usize> DoubleDifferenceFi
         self.order.clear();
         let mut of: Vec<u8, A> = Vec::new();
         for i in 0..a {
-            let _ = of.push((i % s) as u8);
+            let _ = of.push(i.checked_rem(s).unwrap_or(0) as u8);
         }
         for i in 0..s {
             let _ = self.order.push(i as u8);

@@ -313,7 +313,7 @@ impl<T: Real, const A: usize, const N: usize, const M: usize> DoubleDifferenceFi
         if sights.len() < 2 || twice { Err(DoubleDifferenceError::Satellites) } else { Ok(()) }
     }
 
-    /// r ← r + h v and its noise, white acceleration of density q.
+    /// r ← r + h v and its noise, white acceleration of density q; ambiguities walk.
     fn predict(&mut self, h: f64) -> Result<(), DoubleDifferenceError> {
         let n = self.states();
         let q = self.options.motion_noise;
@@ -326,6 +326,17 @@ impl<T: Real, const A: usize, const N: usize, const M: usize> DoubleDifferenceFi
             cut.p.add(axis, axis, T::from_f64(q * h * h * h / 3.0));
             cut.p.add(3 + axis, axis, T::from_f64(q * h * h / 2.0));
             cut.p.add(3 + axis, 3 + axis, T::from_f64(q * h));
+        }
+        let s = self.satellites.len();
+        let walk = T::from_f64(self.options.ambiguity_walk * self.options.ambiguity_walk * h);
+        if walk > T::ZERO {
+            // Differences to one reference walk with it.
+            for (band, i) in (0..BANDS).flat_map(|band| (0..s).map(move |i| (band, i))) {
+                for j in 0..=i {
+                    let both = if i == j { walk + walk } else { walk };
+                    cut.p.add(KINEMATIC + band * s + i, KINEMATIC + band * s + j, both);
+                }
+            }
         }
         cut.commit();
         Ok(())

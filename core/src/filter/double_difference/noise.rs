@@ -275,7 +275,9 @@ impl<T: Real, const A: usize, const N: usize, const M: usize> DoubleDifferenceFi
         let (n, s) = (self.states(), self.satellites.len());
         let Self { options, density, directions, variances, learned, residual, noise, rows, .. } = self;
         let geometry = Geometry { directions: head(directions, s), wavelengths: options.wavelengths.map(T::from_f64) };
-        let (first, second) = noise.as_flattened_mut().split_at_mut(s * M);
+        let Some((first, second)) = noise.as_flattened_mut().split_at_mut_checked(s * M) else {
+            return Err(DoubleDifferenceError::Capacity);
+        };
         for (kind, (ratio, residual)) in learned.types.iter_mut().zip(residual.chunks_exact_mut(s.max(1))).enumerate() {
             let mut factor = MatMut::new(first, s, s, M)?;
             for (i, row) in factor.iter_mut().enumerate() {

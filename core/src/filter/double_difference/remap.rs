@@ -99,7 +99,8 @@ impl<T: Real, const A: usize, const N: usize, const M: usize> DoubleDifferenceFi
                 Origin::Difference(from, other) => value(from) - value(other),
                 Origin::Negative(from) => -value(from),
                 Origin::New => {
-                    let (band, place) = ((i - KINEMATIC) / s, (i - KINEMATIC) % s);
+                    let k = i.saturating_sub(KINEMATIC);
+                    let (band, place) = (k.checked_div(s).unwrap_or(0), k.checked_rem(s).unwrap_or(0));
                     new_ambiguity(positions, place, band, &options.wavelengths)
                 }
             };

@@ -26,8 +26,15 @@ const ELEVATION: Options = Options {
 };
 
 /// Recommended without adaptation, ratio test, gate and inflation.
-const OVERBOUND: Options =
-    Options { adaptation: Adaptation::Off, gate: f64::INFINITY, ratio: 0.0, inflate: false, ..Options::RECOMMENDED };
+const OVERBOUND: Options = Options {
+    adaptation: Adaptation::Off,
+    ambiguity_walk: 0.0,
+    gate: f64::INFINITY,
+    ratio: 0.0,
+    veto: 0.0,
+    inflate: false,
+    ..Options::RECOMMENDED
+};
 
 const fn adaptive(adaptation: Adaptation, forgetting: Forgetting) -> Options {
     Options { adaptation, forgetting, warm_up: 30, ..Options::PAPER }
