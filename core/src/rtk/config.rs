@@ -81,7 +81,8 @@ pub enum Partial {
         budget: u16,
     },
     /// Combinations of ambiguities: those fixed are the most certain of the decorrelated ones. No ambiguity is then known
-    /// by itself, so that [`Output::DualDensity`] cannot use it.
+    /// by itself, so that [`Output::DualDensity`] cannot use it, and that an epoch fixed so is unmonitored where faults are
+    /// looked for.
     Decorrelated,
 }
 

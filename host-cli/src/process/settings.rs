@@ -298,9 +298,6 @@ impl Settings {
             Partial::Decorrelated if self.estimation.output == Output::DualDensity => refuse(
                 "fixes combinations, where estimation.output = \"dual-density\" needs single ambiguities; change one of them",
             ),
-            Partial::Decorrelated if self.integrity.fault.enabled => {
-                refuse("fixes combinations, where integrity.fault examines single ambiguities; change one of them")
-            }
             Partial::Decorrelated if self.fix_assist => {
                 refuse("fixes combinations, which cannot help single ambiguities; leave fix_assist out")
             }
@@ -431,10 +428,6 @@ mod tests {
             ),
             ("[integrity]\nalert_limits = [0.0, 1.0]", "integrity: an alert limit is a distance"),
             ("[adaptation]\nbounds = [9.0, 1.0]", "adaptation.bounds = 9: give two numbers above 0"),
-            (
-                "fix_partial = \"decorrelated\"\n[integrity.fault]\nenabled = true",
-                "integrity.fault examines single ambiguities",
-            ),
             ("[integrity.fault]\np_md = 0.0", "integrity: fault.p_fa and fault.p_md are probabilities"),
             (
                 "[baseline_length]\nlength = 0.0\nsigma = 0.1\nuse = \"measure\"",
