@@ -59,9 +59,9 @@ pub fn scale<T: Real>(r: &mut MatMut<'_, T>, r0: Mat<'_, T>, ratios: &[T]) -> Re
         return Err(LinalgError::Shape);
     }
     r.copy_from(r0)?;
-    for (i, &own) in ratios.iter().enumerate() {
-        for (j, &other) in ratios.iter().enumerate() {
-            r.set(i, j, r.as_ref().at(i, j) * (own * other).sqrt());
+    for (row, &own) in r.iter_mut().zip(ratios) {
+        for (entry, &other) in row.iter_mut().zip(ratios) {
+            *entry *= (own * other).sqrt();
         }
     }
     Ok(())

@@ -39,7 +39,7 @@ use crate::integer::IntegerError;
 use crate::integer::subset::SubsetWorkspace;
 use crate::integrity::protection::{ConfigError, Factors};
 use crate::integrity::window::NisWindow;
-use crate::linalg::{LinalgError, Mat, MatMut, head, head_mut};
+use crate::linalg::{LinalgError, Mat, MatMut, head, head_mut, symmetric};
 use crate::real::Real;
 use heapless::Vec;
 use nalgebra::Vector3;
@@ -101,7 +101,10 @@ pub enum DoubleDifferenceError {
 impl core::fmt::Display for DoubleDifferenceError {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self {
-            Self::Options => f.write_str("options contradict themselves: noise and bounds above 0, bounds in order"),
+            Self::Options => f.write_str(
+                "options contradict themselves: wavelengths, noise and bounds are above 0, bounds in order, the overbound is 1 or \
+                 more, a veto not above the ratio",
+            ),
             Self::Integrity(error) => error.fmt(f),
             Self::NotStarted => f.write_str("the filter was not started"),
             Self::Satellites => f.write_str("fewer than two satellites, or one of them twice"),
@@ -322,7 +325,7 @@ impl<T: Real, const A: usize, const N: usize, const M: usize> DoubleDifferenceFi
             if let Ok([r, v]) = cut.mean.get_disjoint_mut([axis, 3 + axis]) {
                 *r += h * *v;
             }
-            crate::linalg::symmetric::shear(&mut cut.p, axis, 3 + axis, T::from_f64(h));
+            symmetric::shear(&mut cut.p, axis, 3 + axis, T::from_f64(h));
             cut.p.add(axis, axis, T::from_f64(q * h * h * h / 3.0));
             cut.p.add(3 + axis, axis, T::from_f64(q * h * h / 2.0));
             cut.p.add(3 + axis, 3 + axis, T::from_f64(q * h));

@@ -5,7 +5,7 @@
 //! | item | choice |
 //! |---|---|
 //! | epochs | 2164 of 1 s, as in its Tables 3 and 4; the first 60 do not count |
-//! | satellites | six planes of five at the radius of GPS and 55°, elevation mask 10°, two bands, at most twelve |
+//! | satellites | six planes of five at the radius of GPS and 55°, elevation mask 10°, two bands, eight to twelve in sight as in the paper: runs begin when that is so until their end |
 //! | vehicles | baseline 6 to 13 km, relative speeds up to 20 m/s, relative accelerations up to 0.2 m/s² |
 //! | trees | 600 to 800 s and 1100 to 1300 s: satellites below 45° come and go, 7 s gone and 8 s back in the mean; six remain |
 //! | ambiguities | whole numbers, new ones at each return |
@@ -25,8 +25,13 @@ use surefix_core::filter::double_difference::{Options, Sight};
 pub const EPOCHS: usize = 2164;
 /// Epochs at the start that do not count.
 pub const TRANSIENT: usize = 60;
-/// Satellites that a receiver has room for.
+/// Satellites that a receiver has room for, and those that are in sight without trees.
 const MOST: usize = 12;
+const IN_SIGHT: usize = 8;
+/// Beginnings that are tried for that.
+const BEGINNINGS: usize = 1000;
+/// Satellites below are not used `[rad]`.
+const MASK: f64 = 10.0 * PI / 180.0;
 /// Satellites that trees leave.
 const LEAST: usize = 6;
 /// Where it is: latitude, longitude `[rad]`; Dongying.
@@ -116,7 +121,7 @@ struct Sky {
 impl Sky {
     fn visible(&mut self, positions: &[Vector3<f64>], second: f64, random: &mut ChaCha8Rng) -> Vec<usize> {
         let elevation = |k: usize| sin_elevation(&positions[k]).asin();
-        let mut risen: Vec<usize> = (0..positions.len()).filter(|&k| elevation(k) > 10.0 * PI / 180.0).collect();
+        let mut risen: Vec<usize> = (0..positions.len()).filter(|&k| elevation(k) > MASK).collect();
         risen.sort_by(|&a, &b| elevation(b).total_cmp(&elevation(a)));
         risen.truncate(MOST);
         for (k, hidden) in self.hidden.iter_mut().enumerate() {
@@ -143,10 +148,26 @@ impl Sky {
     }
 }
 
+/// A second of the day from which on enough satellites are in sight for as many epochs; the last one tried, if there is none.
+fn beginning(epochs: usize, random: &mut ChaCha8Rng) -> f64 {
+    let enough = |second: f64| {
+        let risen = satellites(second).iter().filter(|satellite| sin_elevation(satellite) > MASK.sin()).count();
+        risen >= IN_SIGHT
+    };
+    let mut first = 0.0;
+    for _ in 0..BEGINNINGS {
+        first = random.random_range(0.0..PERIODS[0]);
+        if (0..epochs).all(|k| enough(first + k as f64)) {
+            break;
+        }
+    }
+    first
+}
+
 impl Record {
     /// Draws a run.
     pub fn draw(noise: Noise, epochs: usize, random: &mut ChaCha8Rng) -> Self {
-        let first = random.random_range(0.0..PERIODS[0]);
+        let first = beginning(epochs, random);
         let phase = random.random_range(0.0..TAU);
         let count = satellites(0.0).len();
         let mut sky = Sky { hidden: vec![false; count] };
