@@ -35,6 +35,7 @@ pub mod linalg;
 #[cfg(feature = "log")]
 pub mod log;
 pub mod model;
+pub mod ppp;
 pub mod real;
 pub mod rtk;
 pub mod smooth;

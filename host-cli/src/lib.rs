@@ -13,5 +13,6 @@ pub mod read;
 pub mod simulate;
 pub mod smooth;
 pub mod study;
+pub mod variance;
 pub mod vectors;
 pub mod write;

@@ -95,3 +95,29 @@ fn integrity_in_small() {
     }
     assert_eq!(study_of("integrity", directory.path(), &["--seeds", "0"]).status.code(), Some(2));
 }
+
+/// All parts of the study of learning the noise in small: the same from one thread and from two, tables and figures in the
+/// directory. Of so short runs the bands are not asked for.
+#[test]
+fn em_ppp_in_small() {
+    let directory = tempfile::tempdir().unwrap();
+    let run = |threads: &str| {
+        let small = ["--seeds", "1", "--epochs", "30", "--iterations", "5", "--threads", threads];
+        study_of("em-ppp", directory.path(), &small)
+    };
+    let (one, two) = (run("1"), run("2"));
+    assert_eq!(one.stdout, two.stdout);
+    let text = String::from_utf8_lossy(&one.stdout);
+    assert!(matches!(one.status.code(), Some(0 | 1)), "{text}");
+    for row in ["student-t", "epoch, floors", "recommended, as used", "the paper, Table 3", "Six starts", "accelerated"]
+    {
+        assert!(text.contains(row), "{row}: {text}");
+    }
+    // Maximum likelihood never rises, however short the run.
+    let rises = text.lines().filter(|line| line.contains("greatest rise"));
+    assert!(rises.clone().count() > 3 && rises.clone().all(|line| line.ends_with("inside")), "{text}");
+    for file in ["acceptance.csv", "schemes.csv", "starts.csv", "speed.csv", "likelihood-static.png"] {
+        assert!(directory.path().join(file).is_file(), "{file}");
+    }
+    assert_eq!(study_of("em-ppp", directory.path(), &["--seeds", "0"]).status.code(), Some(2));
+}

@@ -43,6 +43,18 @@ fn atmosphere() {
 }
 
 #[test]
+fn sun_moon_and_tides() {
+    passes("10_sunmoon_tides.json");
+}
+
+#[test]
+fn atmosphere_of_precise_points() {
+    if surefix_tests::shared("data").is_some() {
+        passes("08_gmf_gpt_ionex.json");
+    }
+}
+
+#[test]
 fn single_points() {
     if surefix_tests::shared("data").is_some() {
         passes("13_single_point.json");
@@ -54,10 +66,30 @@ fn combinations() {
     passes("12_combinations.json");
 }
 
-/// A model that is not built is reported as unknown, not passed over.
 #[test]
-fn what_is_not_built_yet_fails_by_name() {
-    let Some(path) = surefix_tests::shared("vectors/gnss/06_sp3_clk.json") else { return };
+fn precise_orbits_and_clocks() {
+    passes("06_sp3_clk.json");
+}
+
+#[test]
+fn broadcast_against_precise() {
+    if surefix_tests::shared("data").is_some() {
+        passes("09_broadcast_vs_sp3.json");
+    }
+}
+
+#[test]
+fn attitude_wind_up_antennas_and_relativity() {
+    passes("11_windup_antenna_relativity.json");
+}
+
+/// A model that is not known is reported as such, not passed over.
+#[test]
+fn what_is_not_built_fails_by_name() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("crystal_ball.json");
+    std::fs::write(&path, r#"{"cases": [{"id": "a", "model": "crystal ball", "in": {}, "out": {"future": {}}}]}"#)
+        .unwrap();
     let report = run_file(&path, None).unwrap();
-    assert!(!report.passed() && report.unknown_models().contains_key("sp3"), "{report}");
+    assert!(!report.passed() && report.unknown_models().contains_key("crystal ball"), "{report}");
 }

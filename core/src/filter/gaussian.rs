@@ -154,11 +154,11 @@ impl<T: Real, const N: usize> Gaussian<T, N> {
         if i >= n {
             return;
         }
-        self.mean.copy_within(i + 1..n, i);
+        close(&mut self.mean[..n], i);
         for row in &mut self.covariance[..n] {
-            row.copy_within(i + 1..n, i);
+            close(&mut row[..n], i);
         }
-        self.covariance.copy_within(i + 1..n, i);
+        close(&mut self.covariance[..n], i);
         self.n = n - 1;
     }
 
@@ -289,6 +289,13 @@ impl<T: Real, const N: usize> Gaussian<T, N> {
         let n = self.dim();
         self.mean[..n].iter().all(|m| m.is_finite())
             && (0..n).all(|i| self.covariance[i][i] > T::ZERO && self.covariance[i][i].is_finite())
+    }
+}
+
+/// Moves what is above place i down by one.
+fn close<E: Copy>(list: &mut [E], i: usize) {
+    if let Some(from @ [_, ..]) = list.get_mut(i..) {
+        from.copy_within(1.., 0);
     }
 }
 

@@ -14,6 +14,16 @@ pub enum FileKind {
     Meteorology,
     /// RINEX clocks.
     Clock,
+    /// Precise orbits, SP3.
+    PreciseOrbit,
+    /// Antenna phase centres, ANTEX.
+    Antenna,
+    /// Biases of signals.
+    Bias,
+    /// Ocean loading.
+    OceanLoading,
+    /// Orientation of the Earth.
+    EarthOrientation,
 }
 
 impl fmt::Display for FileKind {
@@ -23,6 +33,11 @@ impl fmt::Display for FileKind {
             Self::Navigation => "a navigation file",
             Self::Meteorology => "a meteorological file",
             Self::Clock => "a clock file",
+            Self::PreciseOrbit => "an SP3 orbit file",
+            Self::Antenna => "an ANTEX antenna file",
+            Self::Bias => "a file of biases",
+            Self::OceanLoading => "a file of ocean loading",
+            Self::EarthOrientation => "a file of Earth orientation",
         })
     }
 }
@@ -33,7 +48,7 @@ impl FileKind {
         match self {
             Self::Observation => "give it as ROVER or BASE",
             Self::Navigation => "give it as NAV",
-            Self::Meteorology | Self::Clock => "it is not used here, leave it out",
+            _ => "it is not used here, leave it out",
         }
     }
 }
@@ -62,6 +77,16 @@ pub enum ReadError {
         file: String,
         /// What it looks like.
         found: &'static str,
+        /// What to do.
+        remedy: &'static str,
+    },
+    /// The file is not of the format that is needed, which its first line would say.
+    #[error("{file}, line 1: is not {expected}; {remedy}")]
+    NotOfKind {
+        /// The file.
+        file: String,
+        /// What it should be.
+        expected: FileKind,
         /// What to do.
         remedy: &'static str,
     },
@@ -94,6 +119,16 @@ pub enum ReadError {
         line: u64,
         /// What is wrong.
         problem: String,
+        /// What to do.
+        remedy: &'static str,
+    },
+    /// A file of stations has not the one that is needed.
+    #[error("{file}: has no station {station}; {remedy}")]
+    NoStation {
+        /// The file.
+        file: String,
+        /// The station, as it was asked for.
+        station: String,
         /// What to do.
         remedy: &'static str,
     },

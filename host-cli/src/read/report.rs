@@ -40,6 +40,10 @@ pub enum Reason {
     CompactUnreadable,
     /// Line longer than any RINEX line; its end was ignored.
     LineTooLong,
+    /// Record of a product that cannot be read.
+    RecordUnreadable,
+    /// Record of a product of a kind that is not used.
+    RecordUnsupported,
     /// Navigation message of a constellation that is not supported (SBAS, NavIC).
     MessageUnsupported,
     /// Navigation message with a field that is no number, or a damaged first line.
@@ -48,6 +52,20 @@ pub enum Reason {
     MessageAbsurd,
     /// Navigation message that is there already.
     MessageDuplicate,
+    /// Position of a satellite that a precise product gives as absent.
+    PositionAbsent,
+    /// Clock of a satellite that a precise product gives as absent.
+    ClockAbsent,
+    /// Position of a satellite that was manoeuvred since the one before it.
+    Manoeuvre,
+    /// Clock of a satellite that jumped since the one before it.
+    ClockEvent,
+    /// Record of a satellite at a time at which it has one already.
+    NodeDuplicate,
+    /// The file does not say where it ends, as its format demands: its end may be missing.
+    EndMissing,
+    /// Antenna whose record cannot be read or is not ended.
+    AntennaUnreadable,
 }
 
 impl Reason {
@@ -70,10 +88,19 @@ impl Reason {
             Self::CompressionDamaged => "damaged compressed stream",
             Self::CompactUnreadable => "lines of compact RINEX that cannot be expanded",
             Self::LineTooLong => "overlong lines",
+            Self::RecordUnreadable => "unreadable records",
+            Self::RecordUnsupported => "records of a kind that is not used",
             Self::MessageUnsupported => "messages of SBAS or NavIC satellites",
             Self::MessageUnreadable => "unreadable messages",
             Self::MessageAbsurd => "absurd messages",
             Self::MessageDuplicate => "duplicated messages",
+            Self::PositionAbsent => "positions given as absent",
+            Self::ClockAbsent => "clocks given as absent",
+            Self::Manoeuvre => "positions after a manoeuvre",
+            Self::ClockEvent => "clocks after a clock event",
+            Self::NodeDuplicate => "records of a satellite at a time that has one",
+            Self::EndMissing => "end-of-file line (missing: the file may be cut off)",
+            Self::AntennaUnreadable => "unreadable antennas",
         }
     }
 }

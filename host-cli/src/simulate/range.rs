@@ -137,7 +137,7 @@ impl Antenna<'_> {
         let model = &self.scenario.troposphere;
         let zenith: ZenithDelay = StandardAtmosphere::at_height(here.height, model.humidity).zenith_delay(here);
         let slant = Mapping::Niell.slant(zenith, time.day_of_year(), here, elevation)?;
-        Some(model.scale * slant + self.wet_bias * niell::wet(here.latitude, elevation))
+        Some(model.scale * slant + self.wet_bias * niell::site(time.day_of_year(), here).wet(libm::sin(elevation)))
     }
 
     /// Slant delay on L1 `[m]`.

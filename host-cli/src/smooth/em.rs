@@ -202,8 +202,11 @@ impl<M: Model> Search<'_, '_, M> {
 
     /// θ' of the scheme, within the bounds. `longest` is the largest −α.
     fn extrapolate(&self, first: &Point, second: &Point, longest: f64) -> Option<(Vec<f64>, f64)> {
-        let r: Vec<f64> = second.at.iter().zip(&first.at).map(|(b, a)| b - a).collect();
-        let v: Vec<f64> = second.next.iter().zip(&second.at).zip(&r).map(|((c, b), r)| c - b - r).collect();
+        // (ln 0, of variances that stay 0, does not change.)
+        let difference = |b: f64, a: f64| if a == b { 0.0 } else { b - a };
+        let r: Vec<f64> = second.at.iter().zip(&first.at).map(|(b, a)| difference(*b, *a)).collect();
+        let v: Vec<f64> =
+            second.next.iter().zip(&second.at).zip(&r).map(|((c, b), r)| difference(*c, *b) - r).collect();
         let norm = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>().sqrt();
         let length = (norm(&r) / norm(&v)).min(longest);
         // At a length of 1 θ' is the next step of EM.

@@ -12,10 +12,12 @@
 //! | [`smoothing`] | Section 5 of Greiff et al. (2023) |
 //! | [`smoothing_drive`] | smoothing and EM on a real drive |
 //! | [`integrity`] | two vehicles, four kinds of noise: Wang et al. (2022) |
+//! | [`em_ppp`] | noise of precise point positioning: Zhang et al. (2020) |
 //! | [`urban`] | variants of the engine's configuration between buildings |
 
 pub mod acceptance;
 pub mod drive;
+pub mod em_ppp;
 pub mod files;
 pub mod integrity;
 pub mod mixed_integer;

@@ -1,7 +1,10 @@
 //! Files of cases: `{"cases": [{"id", "model", "in": {…}, "out": {name: {"expected", "tol"}}}, …]}`.
 
 use super::inputs::{CaseError, Inputs};
-use super::{Report, Source, atmosphere, combinations, coordinates, orbits, selection, single_point, time};
+use super::{
+    Report, Source, antenna, atmosphere, broadcast_precise, combinations, coordinates, orbits, precise, selection,
+    single_point, tides, time,
+};
 use serde_json::Value;
 
 /// The outputs of a model by name. A refusal to give a value is `null`.
@@ -20,6 +23,12 @@ impl Outputs {
     /// Adds an output.
     pub fn add(&mut self, name: &'static str, value: Value) {
         self.values.push((name, value));
+    }
+
+    /// Puts another value in the place of an output's.
+    pub fn replace(&mut self, name: &'static str, value: Value) {
+        self.values.retain(|(output, _)| *output != name);
+        self.add(name, value);
     }
 
     /// Says that an output cannot be computed for lack of a data file. It takes the place of its value, if it has one.
@@ -45,9 +54,26 @@ const MODELS: &[(&str, Model)] = &[
     ("kepler", orbits::kepler),
     ("glonass", orbits::glonass),
     ("selection", selection::selection),
+    ("sp3", precise::sp3),
+    ("clk", precise::clk),
+    ("precise", precise::refusal),
+    ("broadcast minus precise", broadcast_precise::comparison),
+    ("arc", antenna::arc),
+    ("pcvinterp", antenna::satellite_variation),
+    ("satoff", antenna::satellite_offset),
+    ("rcvant", antenna::receiver),
     ("klobuchar", atmosphere::klobuchar),
     ("saast", atmosphere::saastamoinen),
     ("niell", atmosphere::niell),
+    ("gmf", atmosphere::gmf),
+    ("gpt", atmosphere::gpt),
+    ("sunmoon", tides::sun_and_moon),
+    ("era", tides::rotation),
+    ("tide12", tides::solid_tide),
+    ("pole", tides::pole_tide),
+    ("ocean", tides::ocean_loading),
+    ("gpt3zd", atmosphere::gpt3),
+    ("ionex", atmosphere::ionex),
     ("spp", single_point::single_point),
     ("coef", combinations::coefficients),
     ("comb", combinations::combinations),
@@ -55,8 +81,17 @@ const MODELS: &[(&str, Model)] = &[
 ];
 
 /// Models of cases that name none, by an output that only they have.
-const MODELS_BY_OUTPUT: &[(&str, &str)] =
-    &[("gpst_minus_utc", "gpst2utc"), ("selected_toe_week_toe_tow_iode_health", "selection")];
+const MODELS_BY_OUTPUT: &[(&str, &str)] = &[
+    ("gpst_minus_utc", "gpst2utc"),
+    ("selected_toe_week_toe_tow_iode_health", "selection"),
+    ("geoid_undulation", "gpt"),
+    ("moon_ecef", "sunmoon"),
+    ("up_south_west", "ocean"),
+    ("vtec_TECU", "ionex"),
+    ("rms_3d_raw", "broadcast minus precise"),
+    ("position", "precise"),
+    ("clock_linear", "precise"),
+];
 
 /// What a model may need besides the inputs of its case.
 pub struct Context<'a> {

@@ -1,8 +1,13 @@
-//! Observation and navigation files that cases refer to by name.
+//! Data files that cases refer to by name.
 
 use super::inputs::CaseError;
 use crate::read::ReadError;
+use crate::read::antex::Antex;
+use crate::read::clock::Clocks;
+use crate::read::gpt3::Gpt3File;
+use crate::read::ionex::Ionex;
 use crate::read::rinex::{NavigationData, ObservationEpoch, ObservationReader};
+use crate::read::sp3::Sp3;
 use std::cell::RefCell;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -13,8 +18,16 @@ use surefix_core::gnss::time::GpsTime;
 #[derive(Default)]
 pub struct DataFiles {
     directory: Option<PathBuf>,
-    navigation: RefCell<HashMap<String, Rc<NavigationData>>>,
+    navigation: Read<NavigationData>,
+    ionex: Read<Ionex>,
+    gpt3: Read<Gpt3File>,
+    sp3: Read<Sp3>,
+    clocks: Read<Clocks>,
+    antex: Read<Antex>,
 }
+
+/// What was read of files, by name.
+type Read<T> = RefCell<HashMap<String, Rc<T>>>;
 
 impl DataFiles {
     /// Files below `directory`, if there is one.
@@ -24,13 +37,47 @@ impl DataFiles {
 
     /// What a navigation file says. Names are as [`find`] takes them.
     pub fn navigation(&self, name: &str) -> Result<Rc<NavigationData>, CaseError> {
-        if let Some(data) = self.navigation.borrow().get(name) {
+        self.once(&self.navigation, name, NavigationData::open)
+    }
+
+    /// The maps of an IONEX file. Names are as [`find`] takes them.
+    pub fn ionex(&self, name: &str) -> Result<Rc<Ionex>, CaseError> {
+        self.once(&self.ionex, name, |path| Ok(Ionex::open(path)?.0))
+    }
+
+    /// A grid of GPT3. Names are as [`find`] takes them.
+    pub fn gpt3(&self, name: &str) -> Result<Rc<Gpt3File>, CaseError> {
+        self.once(&self.gpt3, name, |path| Ok(Gpt3File::open(path)?.0))
+    }
+
+    /// Precise orbits and clocks of an SP3 file. Names are as [`find`] takes them.
+    pub fn sp3(&self, name: &str) -> Result<Rc<Sp3>, CaseError> {
+        self.once(&self.sp3, name, Sp3::open)
+    }
+
+    /// Satellite clocks of a clock file. Names are as [`find`] takes them.
+    pub fn clocks(&self, name: &str) -> Result<Rc<Clocks>, CaseError> {
+        self.once(&self.clocks, name, Clocks::open)
+    }
+
+    /// An antenna file. Names are as [`find`] takes them.
+    pub fn antex(&self, name: &str) -> Result<Rc<Antex>, CaseError> {
+        self.once(&self.antex, name, Antex::open)
+    }
+
+    /// What was read of a file, read now if it was not.
+    fn once<T>(
+        &self,
+        known: &Read<T>,
+        name: &str,
+        open: impl Fn(&Path) -> Result<T, ReadError>,
+    ) -> Result<Rc<T>, CaseError> {
+        if let Some(data) = known.borrow().get(name) {
             return Ok(Rc::clone(data));
         }
         let path = self.path(name)?;
-        let data = NavigationData::open(&path).map_err(|error| CaseError::Absurd(error.to_string()))?;
-        let data = Rc::new(data);
-        self.navigation.borrow_mut().insert(name.to_owned(), Rc::clone(&data));
+        let data = Rc::new(open(&path).map_err(|error| CaseError::Absurd(error.to_string()))?);
+        known.borrow_mut().insert(name.to_owned(), Rc::clone(&data));
         Ok(data)
     }
 

@@ -11,12 +11,16 @@ use std::path::{Path, PathBuf};
 use thiserror::Error;
 
 pub mod adaptive;
+pub mod antenna;
 pub mod atmosphere;
+pub mod broadcast_precise;
 pub mod case;
 pub mod combinations;
 pub mod coordinates;
 pub mod data;
 pub mod double_difference;
+pub mod em_linear;
+pub mod em_ppp;
 pub mod expectation;
 pub mod inputs;
 pub mod integer;
@@ -27,12 +31,14 @@ pub mod mixed_integer;
 pub mod moments;
 pub mod multi_band;
 pub mod orbits;
+pub mod precise;
 pub mod recursive;
 pub mod report;
 pub mod rule;
 pub mod selection;
 pub mod single_point;
 pub mod slips;
+pub mod tides;
 pub mod time;
 
 pub use data::DataFiles;
@@ -69,6 +75,8 @@ const FORMATS: &[Format] = &[
     Format { recognises: mixed_integer::recognises, run: mixed_integer::run },
     Format { recognises: recursive::recognises, run: recursive::run },
     Format { recognises: slips::recognises, run: slips::run },
+    Format { recognises: em_linear::recognises, run: em_linear::run },
+    Format { recognises: em_ppp::recognises, run: em_ppp::run },
     Format { recognises: multi_band::geometry::recognises, run: multi_band::geometry::run },
     Format { recognises: multi_band::measurement::recognises, run: multi_band::measurement::run },
     Format { recognises: multi_band::moments::recognises, run: multi_band::moments::run },

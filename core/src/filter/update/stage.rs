@@ -123,6 +123,11 @@ impl<'a, T: Real> Stage<'a, T> {
         Ok(())
     }
 
+    /// How the innovations of the rows taken so far compare with their predicted covariance.
+    pub fn gauge(&self) -> Gauge<T> {
+        self.gauge
+    }
+
     /// Ends the stage: P is a covariance again.
     pub fn finish(mut self) -> Result<Gauge<T>, UpdateError> {
         if self.form == Form::Array {

@@ -1,20 +1,37 @@
-//! What the atmosphere adds to a range: the ionosphere by Klobuchar's broadcast model, the troposphere by
-//! Saastamoinen's zenith delays and a mapping function.
+//! What the atmosphere adds to a range: the ionosphere by Klobuchar's broadcast model or maps of electrons ([`tec`]), the
+//! troposphere by zenith delays and a mapping function.
+//!
+//! For single points: [`StandardAtmosphere`] and [`Mapping`]. For estimators of the zenith delay: [`Troposphere`], with
+//! the weather of GPT or GPT3 and the mapping functions of Niell, GMF and VMF.
 //!
 //! All delays are in metres and positive: they are *added* to the modelled pseudorange. Angles are radians, heights
-//! metres above the ellipsoid. (The models mean heights above sea level; 50 m of difference change the zenith delay by
-//! 15 mm, far below what these models promise.)
+//! metres above the ellipsoid. (Klobuchar, the standard atmosphere and Niell mean heights above sea level; 50 m of
+//! difference change the zenith delay by 15 mm, far below what these models promise. GPT and GPT3 have a geoid.)
 //!
 //! Cost: one Klobuchar delay takes six, one slant troposphere delay about ten transcendental functions.
 //! Panic contract: nothing here panics; input that is not finite gives output that is not finite.
 
+pub mod askne_nordius;
+pub mod gmf;
+mod gmf_coefficients;
+pub mod gpt;
+pub mod gpt3;
+mod gpt_coefficients;
+mod harmonics;
 pub mod klobuchar;
+pub mod mapping;
 pub mod niell;
 pub mod saastamoinen;
+pub mod tec;
+pub mod troposphere;
 
 use super::geodesy::Geodetic;
+pub use gpt::GlobalWeather;
+pub use gpt3::{Gpt3Cell, Gpt3Grid, Gpt3Weather};
 pub use klobuchar::Klobuchar;
+pub use mapping::{MappingFunction, SiteMapping};
 pub use saastamoinen::{StandardAtmosphere, ZenithDelay};
+pub use troposphere::{SlantTroposphere, Troposphere, TroposphereModel, ZenithModel};
 
 /// How a zenith delay is carried over to the elevation of a satellite.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -36,8 +53,8 @@ impl Mapping {
         }
         Some(match self {
             Self::Niell => {
-                zenith.hydrostatic * niell::hydrostatic(day_of_year, receiver, elevation)
-                    + zenith.wet * niell::wet(receiver.latitude, elevation)
+                let (site, sin) = (niell::site(day_of_year, receiver), libm::sin(elevation));
+                zenith.hydrostatic * site.hydrostatic(sin) + zenith.wet * site.wet(sin)
             }
             Self::Cosecant => zenith.total() / libm::sin(elevation),
         })

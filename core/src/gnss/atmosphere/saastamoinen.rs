@@ -18,7 +18,7 @@ fn held(height: f64) -> f64 {
     height.clamp(*HEIGHTS.start(), *HEIGHTS.end())
 }
 
-/// Weather by height.
+/// Weather at a receiver.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StandardAtmosphere {
     /// Total pressure `[hPa]`.
@@ -31,6 +31,7 @@ pub struct StandardAtmosphere {
 
 /// Delays in the direction of the zenith `[m]`.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ZenithDelay {
     /// By dry air, about 2.3 m at sea level.
     pub hydrostatic: f64,
@@ -43,21 +44,34 @@ impl StandardAtmosphere {
     pub fn at_height(height: f64, humidity: f64) -> Self {
         let height = held(height);
         let temperature = 15.0 - 6.5e-3 * height + 273.16;
-        Self {
-            pressure: 1013.25 * libm::pow(1.0 - 2.2557e-5 * height, 5.2568),
-            temperature,
-            vapour_pressure: 6.108 * humidity * libm::exp((17.15 * temperature - 4684.0) / (temperature - 38.45)),
-        }
+        let pressure = 1013.25 * libm::pow(1.0 - 2.2557e-5 * height, 5.2568);
+        Self { pressure, temperature, vapour_pressure: vapour_pressure(temperature, humidity) }
     }
 
     /// Zenith delays of this weather for a receiver at `receiver`.
     pub fn zenith_delay(&self, receiver: &Geodetic) -> ZenithDelay {
-        let gravity = 1.0 - 0.00266 * libm::cos(2.0 * receiver.latitude) - 0.00028 * held(receiver.height) / 1e3;
         ZenithDelay {
-            hydrostatic: 0.0022768 * self.pressure / gravity,
-            wet: 0.002277 * (1255.0 / self.temperature + 0.05) * self.vapour_pressure,
+            hydrostatic: hydrostatic(self.pressure, receiver.latitude, held(receiver.height)),
+            wet: wet(self.temperature, self.vapour_pressure),
         }
     }
+}
+
+/// Wet zenith delay `[m]` of a surface `temperature` `[K]` and `vapour_pressure` `[hPa]`.
+pub fn wet(temperature: f64, vapour_pressure: f64) -> f64 {
+    0.002277 * (1255.0 / temperature + 0.05) * vapour_pressure
+}
+
+/// Partial pressure of water vapour `[hPa]` at `temperature` `[K]` and relative `humidity` 0…1.
+pub(super) fn vapour_pressure(temperature: f64, humidity: f64) -> f64 {
+    6.108 * humidity * libm::exp((17.15 * temperature - 4684.0) / (temperature - 38.45))
+}
+
+/// Hydrostatic zenith delay `[m]` of a surface `pressure` `[hPa]` at `latitude` `[rad]` and `height` `[m]` (Davis et al.
+/// 1985, equation (A11)): 0.0022768 p / (1 − 0.00266 cos 2φ − 0.00028 h/km).
+pub fn hydrostatic(pressure: f64, latitude: f64, height: f64) -> f64 {
+    let gravity = 1.0 - 0.00266 * libm::cos(2.0 * latitude) - 0.00028 * height / 1e3;
+    0.0022768 * pressure / gravity
 }
 
 impl ZenithDelay {

@@ -3,6 +3,7 @@
 use super::Outcome;
 
 mod drive;
+mod em_ppp;
 mod integrity;
 mod mixed_integer;
 mod simulation;
@@ -23,6 +24,7 @@ enum Command {
     Smoothing(smoothing::Args),
     Integrity(integrity::Args),
     Drive(drive::Args),
+    EmPpp(em_ppp::Args),
     SmoothingDrive(smoothing_drive::Args),
     Urban(urban::Args),
 }
@@ -34,6 +36,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
         Command::Smoothing(args) => smoothing::run(args),
         Command::Integrity(args) => integrity::run(args),
         Command::Drive(args) => drive::run(args),
+        Command::EmPpp(args) => em_ppp::run(args),
         Command::SmoothingDrive(args) => smoothing_drive::run(args),
         Command::Urban(args) => urban::run(args),
     }

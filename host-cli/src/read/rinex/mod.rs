@@ -23,6 +23,7 @@ mod observation_types;
 mod samples;
 mod time_scale;
 
+pub(super) use header::first_line;
 pub use header::{ObservationHeader, Version};
 pub use navigation::NavigationData;
 pub use observation::{ObservationEpoch, ObservationReader};

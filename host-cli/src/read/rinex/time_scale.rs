@@ -20,7 +20,7 @@ pub enum TimeScale {
 impl TimeScale {
     /// The time of a year in two or four digits, a field of month, day, hour and minute (three columns each) and a field
     /// of seconds. A second of 60, as rounding writers give, is the next minute.
-    pub(super) fn time(self, year: &[u8], month_to_minute: &[u8], seconds: &[u8]) -> Option<GpsTime> {
+    pub(in crate::read) fn time(self, year: &[u8], month_to_minute: &[u8], seconds: &[u8]) -> Option<GpsTime> {
         let two_digits = year.trim_ascii().len() <= 2;
         let year = integer(year)?;
         let year = if two_digits { year_from_two_digits(u8::try_from(year).ok()?) } else { year };
