@@ -11,6 +11,8 @@ pub mod engine;
 pub mod files;
 pub mod log;
 pub mod post;
+pub mod ppp;
+mod ppp_figures;
 pub mod replay;
 pub mod results;
 pub mod simulate;
@@ -38,6 +40,7 @@ Exit codes:
 #[allow(clippy::large_enum_variant)] // there is only ever one
 enum Command {
     Post(post::Args),
+    Ppp(ppp::Args),
     Simulate(simulate::Args),
     Degrade(degrade::Args),
     Demo(demo::Args),
@@ -77,6 +80,7 @@ pub fn main() -> ExitCode {
     watch_for_interruption();
     let outcome = match cli.command {
         Command::Post(args) => post::run(&args),
+        Command::Ppp(args) => ppp::run(&args),
         Command::Simulate(args) => simulate::run(&args),
         Command::Degrade(args) => degrade::run(&args),
         Command::Demo(args) => demo::run(&args),

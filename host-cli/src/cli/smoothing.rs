@@ -68,7 +68,7 @@ impl Recording {
 }
 
 /// Runs a computation beside a progress bar with the time left.
-fn with_progress<T>(compute: impl FnOnce(&Progress) -> T) -> T {
+pub(super) fn with_progress<T>(compute: impl FnOnce(&Progress) -> T) -> T {
     let progress = Progress::default();
     std::thread::scope(|scope| {
         let (running, end) = channel::<()>();

@@ -3,6 +3,7 @@
 pub mod csv;
 pub mod partial_file;
 pub mod pos;
+pub mod ppp;
 mod rinex_header;
 pub mod rinex_navigation;
 pub mod rinex_observation;
