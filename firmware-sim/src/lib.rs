@@ -20,6 +20,7 @@ pub mod board;
 pub mod fixed_lag;
 pub mod moving_base;
 mod panic;
+pub mod ppp;
 pub mod random;
 pub mod replay;
 pub mod section_v;

@@ -5,6 +5,8 @@
 
 #[path = "../../firmware-sim/src/fixed_lag/drive.rs"]
 mod drive;
+#[path = "../../firmware-sim/src/ppp/drive.rs"]
+mod ppp;
 #[path = "../../firmware-sim/src/random.rs"]
 mod random;
 #[path = "../../firmware-sim/src/moving_base/drive.rs"]
@@ -19,6 +21,8 @@ use surefix::cli::files::Files;
 use surefix::log::section_v::replay;
 use surefix::log::{LogInputs, LogReader, LogWriter};
 use surefix::process::run::Engine;
+use surefix_core::gnss::solution::Quality;
+use surefix_core::ppp::PppSolution;
 use surefix_core::real::Real;
 use surefix_core::rtk::RtkConfig;
 use surefix_tests::{section_v, shared};
@@ -260,4 +264,61 @@ fn the_filter_between_vehicles_answers_alike() {
         assert_same(machine, &target(&xtask, "moving_base64", machine, &[]), &double);
     }
     assert_same("an386", &target(&xtask, "moving_base32", "an386", &[]), &single);
+}
+
+/// The answers of precise point positioning as bytes; and for each kind of drive the answers and their errors `[m]`.
+fn host_ppp() -> (Vec<u8>, [Vec<(PppSolution, f64)>; 4]) {
+    let mut drive = Box::new(ppp::Drive::new());
+    let mut bytes = Vec::new();
+    let answers = ppp::Kind::ALL.map(|kind| {
+        drive.start(kind);
+        let epochs = (0..ppp::EPOCHS).map(|_| {
+            let observations = drive.observe();
+            let answer = drive.advance(&observations);
+            ppp::write(&answer, |more| {
+                bytes.extend_from_slice(more);
+                Ok::<(), Infallible>(())
+            })
+            .unwrap();
+            (answer, drive.error(&answer))
+        });
+        epochs.collect()
+    });
+    (bytes, answers)
+}
+
+/// The made-up drive is one that means something: the position is found within three standard deviations, and what goes wrong
+/// in it is noticed: a wrong code and a slip, which both end an arc, and one jump of the clock.
+#[test]
+fn the_made_up_sky_of_ppp_gives_positions() {
+    for (kind, answers) in ppp::Kind::ALL.into_iter().zip(host_ppp().1) {
+        let (last, error) = answers.last().unwrap();
+        let sigma = last.solution.position_covariance.trace().sqrt();
+        let of = |count: fn(&PppSolution) -> usize| answers.iter().map(move |(answer, _)| count(answer));
+        let used = |answer: &PppSolution| answer.solution.satellites_used.len();
+        let slipped = of(|answer| answer.solution.satellites_slipped.len()).sum::<usize>();
+        let rejected = of(|answer| answer.solution.satellites_rejected.len()).sum::<usize>();
+        let jumps = of(|answer| usize::from(answer.clock_jump != 0.0)).sum::<usize>();
+        let left_out = of(|answer| usize::from(answer.overflow)).sum::<usize>();
+        println!(
+            "{}: {error:.4} m, sigma {sigma:.4} m, {:?} to {:?} satellites, {slipped} slipped, {rejected} rejected, \
+             {jumps} jumps, {left_out} without room",
+            kind.name(),
+            of(used).min(),
+            of(used).max()
+        );
+        assert!(*error < 3.0 * sigma && sigma < 1.0);
+        assert!(answers.iter().all(|(answer, _)| answer.solution.quality == Quality::Float));
+        assert!(slipped >= 2 && rejected >= 1 && jumps == 1 && left_out == 0);
+    }
+}
+
+/// In double precision on both cores.
+#[test]
+fn precise_point_positioning_answers_alike() {
+    let Some(xtask) = xtask() else { return };
+    let (expected, _) = host_ppp();
+    for machine in MACHINES {
+        assert_same(machine, &target(&xtask, "ppp64", machine, &[]), &expected);
+    }
 }

@@ -24,8 +24,8 @@ pub struct Args {
     #[arg(long, default_value = "an500")]
     machine: Machine,
     /// The program of the firmware: one of the presets; section_v64 or section_v32 for a log of the study of mixed-integer
-    /// filters; fixed_lag64 or fixed_lag32, which need no log and answer smoothed densities; moving_base64 or moving_base32, which
-    /// need none either and answer positions
+    /// filters; fixed_lag64 or fixed_lag32, which need no log and answer smoothed densities; moving_base64 or moving_base32, and
+    /// ppp64, which need none either and answer positions
     #[arg(long, default_value = "replay64")]
     program: String,
 }

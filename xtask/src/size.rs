@@ -3,7 +3,8 @@
 //! Flash and static RAM are those of the whole program: filter, device log, serial line and messages. Stack and
 //! instructions are measured while it replays the smoke test's log: 16 satellites on two bands for the presets of the RTK
 //! filter, 13 satellites of Section V of Greiff et al. (2021) for the mixed-integer filter, nine to two besides a reference for the filter between two
-//! vehicles, whose noise follows the data; for the fixed-lag smoother,
+//! vehicles, whose noise follows the data; 9 to 15 satellites on two bands for precise point positioning of a moving receiver
+//! with a state for each ionospheric delay; for the fixed-lag smoother,
 //! which needs no log, while it smooths a drive of up to 15 states ten epochs back, its filter not counted. Instructions are
 //! counted by QEMU's virtual clock; they are not cycles.
 
@@ -20,7 +21,7 @@ use std::fmt::Write;
 const DRIVE: &[u8] = include_bytes!("../../firmware-sim/smoke/drive.log");
 const SECTION_V: &[u8] = include_bytes!("../../firmware-sim/smoke/section_v.log");
 /// What is measured: program, name of the filter, log, and the machine if it is for one only.
-const CASES: [(&str, &str, &[u8], Option<Machine>); 9] = [
+const CASES: [(&str, &str, &[u8], Option<Machine>); 10] = [
     ("replay16", "Rtk16", DRIVE, None),
     ("replay32", "Rtk32", DRIVE, None),
     ("replay64", "Rtk64", DRIVE, None),
@@ -28,6 +29,7 @@ const CASES: [(&str, &str, &[u8], Option<Machine>); 9] = [
     ("section_v32", "SectionV<f32>", SECTION_V, Some(Machine::An386)),
     ("moving_base64", "DoubleDifference22<f64>", &[], None),
     ("moving_base32", "DoubleDifference22<f32>", &[], Some(Machine::An386)),
+    ("ppp64", "PppFilter<16, 63>", &[], None),
     ("fixed_lag64", "FixedLag<f64>", &[], None),
     ("fixed_lag32", "FixedLag<f32>", &[], Some(Machine::An386)),
 ];
