@@ -252,7 +252,7 @@ pub fn run(args: &Args) -> anyhow::Result<Outcome> {
     let tables = tables(&outcome, smoothed.as_ref())?;
     let (summary, mut paths) = results.finish(&job.settings).map(|(summary, paths)| (summary, paths.to_vec()))?;
     let stem = stem(name);
-    let mut files = crate::study::files::Files::default();
+    let mut files = crate::write::files::Files::default();
     for (suffix, content) in tables {
         files.push(format!("{stem}-{suffix}"), content);
     }

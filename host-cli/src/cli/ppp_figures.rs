@@ -1,11 +1,11 @@
 //! Plots of precise point positioning: residuals over elevation (Figs. 3 and 4 of Zhang 2020), convergence (Fig. 5), learned noise over
 //! elevation, likelihood (Fig. 7).
 
+use crate::plot::panel::{Frame, Panel, Range};
+use crate::plot::{Anchor, BLACK, BLUE, Color, Drawing, GREEN, ORANGE, RED};
 use crate::process::ppp::run::Run;
 use crate::smooth::ppp::Smoothed;
 use crate::smooth::ppp::tape::Kind as TapeKind;
-use crate::study::plot::panel::{Frame, Panel, Range};
-use crate::study::plot::{Anchor, BLACK, BLUE, Color, Drawing, GREEN, ORANGE, RED};
 use std::collections::BTreeMap;
 use surefix_core::gnss::geodesy::Geodetic;
 use surefix_core::gnss::satellite::Constellation;

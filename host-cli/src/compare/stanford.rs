@@ -5,9 +5,9 @@
 //! alert limits, and what is beyond lies on the edge.
 
 use super::Sample;
-use crate::study::files::{Files, FilesError};
-use crate::study::plot::panel::{Frame, Panel, Range};
-use crate::study::plot::{BLACK, BLUE, Color, Drawing, ORANGE, RED};
+use crate::plot::panel::{Frame, Panel, Range};
+use crate::plot::{BLACK, BLUE, Color, Drawing, ORANGE, RED};
+use crate::write::files::{Files, FilesError};
 use nalgebra::Vector3;
 use serde::Serialize;
 use std::path::{Path, PathBuf};

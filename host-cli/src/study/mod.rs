@@ -5,8 +5,6 @@
 //! | [`monte_carlo`] | trials on all cores, in order, with a progress bar |
 //! | [`statistics`] | ratios over runs with their standard errors |
 //! | [`acceptance`] | numbers with their bands |
-//! | [`plot`] | line plots as SVG and PNG, without system fonts |
-//! | [`files`] | tables and drawings as files |
 //! | [`mixed_integer`] | Section V of Greiff et al. (CCTA 2021) |
 //! | [`drive`] | its choices on a real drive |
 //! | [`smoothing`] | Section 5 of Greiff et al. (2023) |
@@ -18,11 +16,9 @@
 pub mod acceptance;
 pub mod drive;
 pub mod em_ppp;
-pub mod files;
 pub mod integrity;
 pub mod mixed_integer;
 pub mod monte_carlo;
-pub mod plot;
 pub mod smoothing;
 pub mod smoothing_drive;
 pub mod statistics;

@@ -60,6 +60,11 @@ impl Estimate {
     }
 }
 
+/// Value and standard error, for two columns.
+pub fn both(estimate: Estimate) -> [f64; 2] {
+    [estimate.value, estimate.standard_error]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

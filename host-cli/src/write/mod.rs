@@ -1,6 +1,7 @@
 //! Writers of results: one format a file. They know core types only, not the readers.
 
 pub mod csv;
+pub mod files;
 pub mod partial_file;
 pub mod pos;
 pub mod ppp;

@@ -2,7 +2,7 @@
 
 use crate::process::ppp::run::Run;
 use crate::smooth::ppp::Smoothed;
-use crate::study::files::Csv;
+use crate::write::files::Csv;
 use std::io;
 use surefix_core::gnss::satellite::Constellation;
 use surefix_core::ppp::Estimate;

@@ -1,8 +1,8 @@
 //! Arguments that the studies by simulation share, and how they run and answer.
 
 use super::super::Outcome;
-use crate::study::files::FilesError;
 use crate::study::monte_carlo;
+use crate::write::files::FilesError;
 use anyhow::Context;
 use indicatif::ProgressBar;
 use std::fmt::Display;

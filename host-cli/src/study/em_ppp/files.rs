@@ -1,11 +1,12 @@
 //! The study as CSV and drawings.
 
-use super::super::files::{Csv, Files, FilesError, both};
-use super::super::plot::panel::{Frame, Panel, Range};
-use super::super::plot::{BLUE, Color, Drawing, GREEN, ORANGE, RED};
+use super::super::statistics::both;
 use super::trial::LOOKS;
 use super::variant::names;
 use super::{Study, Table};
+use crate::plot::panel::{Frame, Panel, Range};
+use crate::plot::{BLUE, Color, Drawing, GREEN, ORANGE, RED};
+use crate::write::files::{Csv, Files, FilesError};
 use std::io;
 use std::path::{Path, PathBuf};
 

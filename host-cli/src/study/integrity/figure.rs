@@ -1,13 +1,13 @@
 //! Figs. 4 and 10 to 12 of the paper; 13 to 15 are Stanford diagrams. Fig. 16 is that of the recommended filter.
 
-use super::super::plot::panel::{Frame, Panel, Range};
-use super::super::plot::{Anchor, BLACK, BLUE, Color, Drawing, GREEN, ORANGE, RED};
 use super::Table;
 use super::bounds::Bounds;
 use super::scenario::TRANSIENT;
 use super::trial::{Run, Sample};
 use super::variant::{PAPERS, RECOMMENDED};
 use crate::compare::stanford::Stanford;
+use crate::plot::panel::{Frame, Panel, Range};
+use crate::plot::{Anchor, BLACK, BLUE, Color, Drawing, GREEN, ORANGE, RED};
 
 const WIDTH: u32 = 900;
 const PANEL: f64 = 200.0;

@@ -1,8 +1,9 @@
 //! The study as CSV and drawings.
 
-use super::super::files::{Csv, Files, FilesError, both};
+use super::super::statistics::both;
 use super::variant::RECOMMENDED;
 use super::{Study, bounds, figure, risk};
+use crate::write::files::{Csv, Files, FilesError};
 use std::io;
 use std::path::{Path, PathBuf};
 

@@ -3,10 +3,10 @@
 //! Three panels for the position (east, north, up), each with the relaxed density in blue, the constrained one in red and
 //! their 2σ intervals; one for the ambiguities, real-valued in blue, integers in red, and a mark below for each true jump.
 
-use super::super::plot::panel::{Frame, Panel, Range};
-use super::super::plot::{Anchor, BLACK, BLUE, Drawing, RED};
 use super::scenario::AMBIGUITIES;
 use super::trial::{Position, Snapshot};
+use crate::plot::panel::{Frame, Panel, Range};
+use crate::plot::{Anchor, BLACK, BLUE, Drawing, RED};
 
 /// One of the two densities.
 type Density = fn(&Snapshot) -> &Position;

@@ -1,12 +1,13 @@
 //! The study as files: CSV of every number with all its digits, the figure, and its run as a device log.
 
-use super::super::files::{Csv, Files, FilesError, both};
+use super::super::statistics::both;
 use super::acceptance::BANDS;
 use super::constellation::Constellation;
 use super::detector_curve::{Curve, SIGMA_PROJECTION, SIGMA_WEIGHTED};
 use super::trial::{Position, Snapshot};
 use super::{Study, device_log, figure, section};
 use crate::study::monte_carlo;
+use crate::write::files::{Csv, Files, FilesError};
 use std::io;
 use std::path::{Path, PathBuf};
 use surefix_core::filter::slip;

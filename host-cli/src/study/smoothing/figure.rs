@@ -1,10 +1,10 @@
 //! Figs. 2, 3 and 4 of the paper.
 
-use super::super::plot::panel::{Frame, Panel, Range};
-use super::super::plot::{Anchor, BLACK, BLUE, Color, Drawing, GREEN, ORANGE, RED};
 use super::adaptation::{Learning, Reading};
 use super::trial::{Posterior, Scheme};
 use super::{Adaptation, Table};
+use crate::plot::panel::{Frame, Panel, Range};
+use crate::plot::{Anchor, BLACK, BLUE, Color, Drawing, GREEN, ORANGE, RED};
 
 const WIDTH: u32 = 900;
 const LEFT: f64 = 70.0;

@@ -1,10 +1,11 @@
 //! The study as files: CSV of every number with all its digits, and the figures.
 
-use super::super::files::{Csv, Files, FilesError, both};
+use super::super::statistics::both;
 use super::adaptation::Reading;
 use super::section::{independent, paper};
 use super::trial::{Posterior, Scheme};
 use super::{Adaptation, Study, Table, figure};
+use crate::write::files::{Csv, Files, FilesError};
 use std::io;
 use std::path::{Path, PathBuf};
 

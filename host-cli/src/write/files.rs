@@ -1,10 +1,9 @@
-//! What a study leaves behind: tables as CSV, drawings as SVG and PNG, all of it written at the end.
+//! What a run leaves behind beside its solutions: tables as CSV, drawings as SVG and PNG, all of it written at the end.
 
-use super::plot::Drawing;
-use super::plot::png::{self, PngError};
-use super::plot::svg;
-use super::statistics::Estimate;
-use crate::write::partial_file::PartialFile;
+use super::partial_file::PartialFile;
+use crate::plot::Drawing;
+use crate::plot::png::{self, PngError};
+use crate::plot::svg;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
@@ -79,11 +78,6 @@ impl Csv {
     pub fn finish(self) -> io::Result<Vec<u8>> {
         self.0.into_inner().map_err(|error| error.into_error())
     }
-}
-
-/// Value and standard error, for two columns.
-pub fn both(estimate: Estimate) -> [f64; 2] {
-    [estimate.value, estimate.standard_error]
 }
 
 #[cfg(test)]
