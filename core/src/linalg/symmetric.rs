@@ -27,6 +27,18 @@ pub fn copy_row<T: Real>(p: Mat<'_, T>, i: usize, out: &mut [T]) {
     p.zip_below(i, tail_mut(head_mut(out, p.rows()), i + 1), |&p, out| *out = p);
 }
 
+/// out ← P x. Reads each row once; [`add_row`] is for an x of few entries.
+pub fn multiply<T: Real>(p: Mat<'_, T>, x: &[T], out: &mut [T]) {
+    out.fill(T::ZERO);
+    for ((i, row), &x_i) in p.iter().enumerate().zip(x) {
+        let below = head(row, i);
+        axpy(head_mut(out, i), x_i, below);
+        if let Some(out) = out.get_mut(i) {
+            *out += dot(below, x) + p.at(i, i) * x_i;
+        }
+    }
+}
+
 /// hᵀ P h.
 pub fn quadratic_form<T: Real>(p: Mat<'_, T>, h: &[T]) -> T {
     h.iter().zip(p.iter()).enumerate().fold(T::ZERO, |sum, (i, (&h_i, row))| {
@@ -256,7 +268,10 @@ mod tests {
                 prop_assert_eq!(copied[j], if j <= i { a[i * n + j] } else { a[j * n + i] });
                 prop_assert_eq!(added[j], copied[j]);
             }
+            let mut product = vec![f64::NAN; n];
+            multiply(p, &copied, &mut product);
             let variance = quadratic_form(p, &copied);
+            prop_assert!((dot(&product, &copied) / variance - 1.0).abs() < 1e-9, "(row i) P (row i)ᵀ");
             let expected = dot(&copied, &spd::product(n, &a, &spd::transposed(n, &a))[i * n..(i + 1) * n]);
             prop_assert!((variance / expected - 1.0).abs() < 1e-9, "(row i) P (row i)ᵀ = (P P)ᵢ · (row i)");
         }

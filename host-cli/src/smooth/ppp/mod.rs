@@ -130,7 +130,7 @@ pub struct Options {
     pub start: Option<[f64; 2]>,
     /// How variances of measurements are learned.
     pub measurements: Measurements,
-    /// Pools of less rows borrow.
+    /// Pools of less rows are put together, see [`pools`].
     pub minimum: usize,
     /// Least standard deviations of codes and phases `[m]`.
     pub floors: [f64; 2],
@@ -140,7 +140,7 @@ pub struct Options {
     pub learning: Learning,
     /// Whether R is enlarged for errors that last, and process noise learned once more with that, [`correlation`].
     pub correlated: bool,
-    /// How measurements are taken in: [`Form::Joseph`] is safe down to 0.1 mm.
+    /// How measurements are taken in; [`Form::Sequential`] only where no state is born, see [`PppModel::form`].
     pub form: Form,
     /// Memory for filtered densities, in bytes.
     pub budget: usize,
@@ -180,7 +180,7 @@ impl Options {
             process_floor: 1e-20,
             learning: Learning::default(),
             correlated: false,
-            form: Form::Joseph,
+            form: Form::Sequential,
             budget: 512 << 20,
         }
     }

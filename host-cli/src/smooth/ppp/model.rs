@@ -17,7 +17,7 @@ use super::{Class, Motion, Options};
 use crate::smooth::model::{Density, Integer, Model, Parameter, Scratch, Sums, Transition};
 use nalgebra::Vector3;
 use std::sync::{Mutex, PoisonError};
-use surefix_core::filter::update::{Gauge, Rows, Stage, UpdateError, VECTORS, Work};
+use surefix_core::filter::update::{Form, Gauge, Rows, Stage, UpdateError, VECTORS, Work};
 use surefix_core::linalg::MatMut;
 
 /// A satellite out of sight for longer than this has another slant delay `[s]`.
@@ -66,27 +66,33 @@ pub struct PppModel {
 /// A row on the states of its epoch.
 #[derive(Clone, Copy, Debug)]
 pub struct Line {
-    entries: [(usize, f64); ENTRIES],
+    states: [usize; ENTRIES],
+    coefficients: [f64; ENTRIES],
     len: usize,
     value: f64,
 }
 
 impl Line {
-    /// State and coefficient.
-    pub fn entries(&self) -> &[(usize, f64)] {
-        &self.entries[..self.len]
+    /// States, and their coefficients.
+    pub fn columns(&self) -> (&[usize], &[f64]) {
+        (&self.states[..self.len], &self.coefficients[..self.len])
+    }
+
+    /// State and coefficient, pair by pair.
+    pub fn entries(&self) -> impl Iterator<Item = (usize, f64)> + Clone + '_ {
+        let (states, coefficients) = self.columns();
+        states.iter().copied().zip(coefficients.iter().copied())
     }
 
     /// value − h x.
     pub fn residual(&self, x: &[f64]) -> f64 {
-        self.value - self.entries().iter().map(|&(i, h)| h * x[i]).sum::<f64>()
+        self.value - self.entries().map(|(i, h)| h * x[i]).sum::<f64>()
     }
 
     /// h P hᵀ.
     pub fn spread(&self, density: &Density) -> f64 {
-        let along =
-            |&(i, h): &(usize, f64)| h * self.entries().iter().map(|&(j, g)| g * density.covariance(i, j)).sum::<f64>();
-        self.entries().iter().map(along).sum()
+        let along = |(i, h)| h * self.entries().map(|(j, g)| g * density.covariance(i, j)).sum::<f64>();
+        self.entries().map(along).sum()
     }
 }
 
@@ -95,8 +101,8 @@ struct Lines<'a>(&'a [Line]);
 
 impl Rows<f64> for Lines<'_> {
     fn for_each(&self, row: usize, entry: &mut dyn FnMut(usize, f64)) {
-        let entries = self.0.get(row).map_or(&[][..], Line::entries);
-        entries.iter().for_each(|&(state, coefficient)| entry(state, coefficient));
+        let entries = self.0.get(row).into_iter().flat_map(Line::entries);
+        entries.for_each(|(state, coefficient)| entry(state, coefficient));
     }
 }
 
@@ -160,6 +166,21 @@ impl PppModel {
         self.innovations.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
+    /// How the measurements of an epoch are taken in: those of states that are born in it, with their wide priors, in
+    /// Joseph's form where the options have the plain one.
+    pub fn form(&self, k: usize) -> Form {
+        let born = |before: &Layout, now: &Layout| {
+            let within = |now: &[u32], before: &[u32]| now.iter().all(|state| before.binary_search(state).is_ok());
+            !(within(&now.arcs, &before.arcs) && within(&now.visits, &before.visits))
+        };
+        match self.options.form {
+            Form::Sequential if k.checked_sub(1).is_none_or(|j| born(&self.layouts[j], &self.layouts[k])) => {
+                Form::Joseph
+            }
+            form => form,
+        }
+    }
+
     /// Index of the clock.
     pub fn clock(&self) -> usize {
         match self.options.motion {
@@ -206,9 +227,9 @@ impl PppModel {
     /// A row of an epoch on its states.
     pub fn line(&self, k: usize, i: usize) -> Line {
         let (row, layout) = (&self.tape.rows[i], &self.layouts[k]);
-        let mut line = Line { entries: [(0, 0.0); ENTRIES], len: 0, value: row.value };
+        let mut line = Line { states: [0; ENTRIES], coefficients: [0.0; ENTRIES], len: 0, value: row.value };
         let mut push = |state: usize, coefficient: f64| {
-            line.entries[line.len] = (state, coefficient);
+            (line.states[line.len], line.coefficients[line.len]) = (state, coefficient);
             line.len += 1;
         };
         row.direction.iter().enumerate().for_each(|(axis, &d)| push(axis, d));
@@ -396,7 +417,7 @@ impl Model for PppModel {
         innovations.extend(lines.iter().map(|line| line.residual(&density.mean)));
         let work = Work { rows: MatMut::new(&mut [], 0, n, n)?, vectors: MatMut::new(vectors, VECTORS, n, n)? };
         let p = MatMut::square(&mut density.covariance, n)?;
-        let mut stage = Stage::begin(self.options.form, correction, p, work)?;
+        let mut stage = Stage::begin(self.form(k), correction, p, work)?;
         let mut squares = self.innovations.0.lock().unwrap_or_else(PoisonError::into_inner);
         let lines = Lines(&lines);
         for (place, &i) in order.iter().enumerate() {

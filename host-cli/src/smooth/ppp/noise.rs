@@ -300,9 +300,7 @@ impl Noise {
     /// Adds what a row with E[e²] = `square` says of the pools that learn from it.
     pub fn gather(&self, row: usize, square: f64, sums: &mut Sums) {
         if self.measurements.is_pooled() {
-            for pool in self.pools.learning(row) {
-                sums.add(self.first_pool + pool, self.trust(row) * square / self.shapes[row], 1.0);
-            }
+            sums.add(self.first_pool + self.pools.of(row), self.trust(row) * square / self.shapes[row], 1.0);
         }
     }
 
