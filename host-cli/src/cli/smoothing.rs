@@ -80,8 +80,11 @@ pub(super) fn with_progress<T>(compute: impl FnOnce(&Progress) -> T) -> T {
                     let (done, expected) = progress.count();
                     bar.set_length(expected);
                     bar.set_position(done);
+                    let at = progress.reached().map_or(String::new(), |at| {
+                        format!("iteration {}, −2 ln p = {:.1}, ", at.iteration, at.likelihood)
+                    });
                     if let Some(left) = progress.time_left() {
-                        bar.set_message(format!("{} left", HumanDuration(left)));
+                        bar.set_message(format!("{at}{} left", HumanDuration(left)));
                     }
                 }
                 bar.finish_and_clear();

@@ -247,6 +247,7 @@ fn learn_once<M: Model>(model: &mut M, passes: &mut Passes<'_>, options: &EmOpti
             break;
         };
         history.push(step(&second, false));
+        search.passes.reach(history.len() - 1, 2.0 * second.value);
         let change = second.at.iter().zip(&current.at).map(|(b, a)| (b - a).abs()).fold(0.0, f64::max);
         let before = current.value;
         let mut latest = second;

@@ -192,6 +192,13 @@ impl<'a> Passes<'a> {
         }
     }
 
+    /// Tells who watches how likely the parameters of an iteration of EM are: ℓ = −2 ln p.
+    pub(super) fn reach(&self, iteration: usize, likelihood: f64) {
+        if let Some(progress) = self.options.progress {
+            progress.reach(iteration, likelihood);
+        }
+    }
+
     /// A forward pass over steps as they are.
     pub fn forward<M: Model + ?Sized>(&mut self, model: &M) -> Result<Fit, PassError> {
         self.run(Access::Frozen(model))

@@ -1,6 +1,7 @@
 //! How far a long computation is, and whether it is to go on.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 /// Watches passes over epochs, from any number of threads. The work is counted in epochs of a pass.
@@ -10,12 +11,23 @@ pub struct Progress {
     expected: AtomicU64,
     done: AtomicU64,
     cancelled: AtomicBool,
+    reached: Mutex<Option<Reached>>,
+}
+
+/// Where EM is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reached {
+    /// Iteration; 0 is the start.
+    pub iteration: usize,
+    /// ℓ = −2 ln p(y | θ), without its constant.
+    pub likelihood: f64,
 }
 
 impl Default for Progress {
     fn default() -> Self {
         let (expected, done) = (AtomicU64::new(0), AtomicU64::new(0));
-        Self { start: Instant::now(), expected, done, cancelled: AtomicBool::new(false) }
+        let (cancelled, reached) = (AtomicBool::new(false), Mutex::new(None));
+        Self { start: Instant::now(), expected, done, cancelled, reached }
     }
 }
 
@@ -35,6 +47,16 @@ impl Progress {
     pub(super) fn step(&self) -> bool {
         self.done.fetch_add(1, Ordering::Relaxed);
         !self.is_cancelled()
+    }
+
+    /// That EM has the likelihood of an iteration.
+    pub(super) fn reach(&self, iteration: usize, likelihood: f64) {
+        *self.reached.lock().unwrap_or_else(PoisonError::into_inner) = Some(Reached { iteration, likelihood });
+    }
+
+    /// The last iteration of EM of which the likelihood is known.
+    pub fn reached(&self) -> Option<Reached> {
+        *self.reached.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Epochs done and expected; never more done than expected.
@@ -67,11 +89,13 @@ mod tests {
     #[test]
     fn counts_never_pass_what_is_expected_and_cancellation_shows() {
         let progress = Progress::default();
-        assert_eq!((progress.count(), progress.time_left()), ((0, 0), None));
+        assert_eq!((progress.count(), progress.time_left(), progress.reached()), ((0, 0), None, None));
         progress.expect(4);
         progress.spare(2);
         assert!((0..3).all(|_| progress.step()));
         assert_eq!((progress.count(), progress.time_left()), ((3, 3), Some(Duration::ZERO)));
+        progress.reach(3, -8.5);
+        assert_eq!(progress.reached(), Some(Reached { iteration: 3, likelihood: -8.5 }));
         progress.cancel();
         assert!(!progress.step() && progress.is_cancelled());
     }

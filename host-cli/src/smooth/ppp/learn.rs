@@ -31,9 +31,9 @@ pub struct Learning {
     /// … no ln θ by more than this.
     pub change: f64,
     /// Standard deviations of the position's walk from one epoch to the next `[m]` that are tried, if they are below what
-    /// EM has, after each iteration from [`Learning::scan_after`] on; the likeliest is taken, and 0 is final. (Student-t
-    /// weights belong to the walk that they were found with: it takes some looks to get down.) None for receivers that
-    /// move.
+    /// EM has, after each iteration from [`Learning::scan_after`] on. The likeliest is taken, but 0 if that is not unlikelier
+    /// than chance would have it for a receiver that does rest; and 0 is final. (Student-t weights belong to the walk that
+    /// they were found with: it takes some looks to get down.) None for receivers that move.
     pub scan: Vec<f64>,
     /// From which iteration on.
     pub scan_after: usize,
@@ -62,6 +62,11 @@ impl Default for Learning {
 
 /// Linearised again, ℓ may rise by this for each measurement.
 const RISE: f64 = 1e-3;
+
+/// A walk of 0 is refused only if ℓ falls by more than this without it: in one of twenty runs of a receiver at rest, as
+/// half of the time the likeliest variance is 0, and else ℓ gains a χ² of one degree of freedom (S. G. Self & K.-Y. Liang,
+/// J. Am. Stat. Assoc. 82, 1987, case 5).
+const CHANCE: f64 = 2.706;
 
 /// How EM ended.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -106,7 +111,7 @@ pub struct Scan {
     pub tried: Vec<(f64, f64)>,
     /// ℓ with what EM had.
     pub before: f64,
-    /// Which was taken; none if EM's was likelier.
+    /// Which was taken; none if EM's was.
     pub taken: Option<f64>,
 }
 
@@ -211,6 +216,7 @@ pub fn learn(model: &mut PppModel, passes: &mut Passes<'_>) -> Result<Learned, P
             break;
         }
         let change = before.as_ref().map_or(f64::INFINITY, |before| model.noise.change(&before.noise));
+        passes.reach(iteration, step.likelihood);
         learned.history.push(step);
         let open = model.options().motion == Motion::Walk && model.noise.history(Class::Motion, 0).any(|q| q > 0.0);
         let mut moved = false;
@@ -348,14 +354,14 @@ fn scan(
     learned: &mut Learned,
 ) -> Result<(), PassError> {
     let before = learned.history.last().map_or(f64::INFINITY, |step| step.likelihood);
-    let mut intervals: Vec<f64> = model.tape().epochs.windows(2).map(|pair| pair[1].time.since(pair[0].time)).collect();
-    intervals.sort_by(f64::total_cmp);
-    let Some(&interval) = intervals.get(intervals.len() / 2) else { return Ok(()) };
+    let Some(interval) = model.tape().interval() else { return Ok(()) };
     let own = model.noise.clone();
     let mut scan = Scan { iteration, tried: Vec::new(), before, taken: None };
     let mut best = (before, own.clone());
     let most = (0..3).flat_map(|axis| own.history(Class::Motion, axis)).fold(0.0, f64::max);
-    for sigma in model.options().learning.scan.clone() {
+    let mut sigmas = model.options().learning.scan.clone();
+    sigmas.sort_by(|a, b| b.total_cmp(a));
+    for sigma in sigmas {
         if sigma * sigma / interval >= most {
             continue;
         }
@@ -367,7 +373,7 @@ fn scan(
             Err(error) => failed(iteration, error).map(|_| f64::INFINITY)?,
         };
         scan.tried.push((sigma, value));
-        if value < best.0 {
+        if value < best.0 + if sigma == 0.0 { CHANCE } else { 0.0 } {
             best = (value, model.noise.clone());
             scan.taken = Some(sigma);
         }

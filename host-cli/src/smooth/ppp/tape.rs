@@ -146,6 +146,13 @@ pub enum TapeError {
 }
 
 impl Tape {
+    /// The usual (median) time between epochs `[s]`; `None` of less than two.
+    pub fn interval(&self) -> Option<f64> {
+        let mut steps: Vec<f64> = self.epochs.windows(2).map(|pair| pair[1].time.since(pair[0].time)).collect();
+        steps.sort_by(f64::total_cmp);
+        steps.get(steps.len() / 2).copied()
+    }
+
     /// Whether all indices lie within their lists, numbers are finite and variances positive.
     pub fn check(&self) -> Result<(), TapeError> {
         if !self.geometry.is_empty() && self.geometry.len() != self.rows.len() {
