@@ -45,9 +45,11 @@ pub struct Noise {
     pub code_factor: [f64; 5],
     /// The same for phases.
     pub phase_factor: [f64; 5],
-    /// For how long errors last `[s]`: epochs h apart have the correlation ρ = exp(−h/τ), and where many of them count for one
-    /// position, of a receiver at rest, the variance of each is multiplied by (1 + ρ)/(1 − ρ).
+    /// For how long errors last `[s]`, see [`Noise::lasting`]: it makes the standard deviations of a receiver at rest.
     pub time_constant: f64,
+    /// The same for the weights of measurements against all that is known otherwise: shorter, as the slowest errors go with the
+    /// troposphere and the ambiguities.
+    pub weighting_time: f64,
 }
 
 impl Noise {
@@ -58,14 +60,34 @@ impl Noise {
         code_factor: [1.0, 1.0, 2.0, 1.5, 3.0],
         phase_factor: [1.0, 1.0, 1.5, 1.5, 1.2],
         time_constant: 480.0,
+        weighting_time: 120.0,
     };
 
-    /// (1 + ρ)/(1 − ρ) for epochs `h` `[s]` apart: 1 where errors do not last.
-    pub fn correlation(&self, h: f64) -> f64 {
-        let rho = libm::exp(-libm::fabs(h) / self.time_constant);
-        // (NaN and ρ = 1 have no factor.)
-        if rho < 1.0 { (1.0 + rho) / (1.0 - rho) } else { 1.0 }
+    /// By how much the variance of a measurement is larger as one of many of a receiver at rest, epochs `h` `[s]` apart.
+    pub fn inflation(&self, h: f64) -> f64 {
+        correlation(self.weighting_time, h)
     }
+
+    /// By how much the variance of a mean of many of them, of a receiver at rest, is larger than if their errors were independent.
+    pub fn lasting(&self, h: f64) -> f64 {
+        correlation(self.time_constant, h)
+    }
+
+    /// What the density of a receiver at rest, of so many epochs `h` `[s]` apart, is to be multiplied by to have the variances of
+    /// errors that last: the n measurements of a first-order autoregression have the information 1 + (n − 1)/f of one,
+    /// those of the density n/f' with [`Noise::inflation`] f'.
+    pub fn scale(&self, epochs: u32, h: f64) -> f64 {
+        let (f, n) = (self.lasting(h), f64::from(epochs.max(1)));
+        f / (f + n - 1.0) * n / self.inflation(h)
+    }
+}
+
+/// f = (1 + ρ)/(1 − ρ) where errors of epochs h apart have the correlation ρ = exp(−h/τ), 1 where errors do not last: the mean of
+/// n ≫ f epochs has the variance f σ²/n.
+fn correlation(time_constant: f64, h: f64) -> f64 {
+    let rho = libm::exp(-libm::fabs(h) / time_constant);
+    // (NaN and ρ = 1 have no factor.)
+    if rho < 1.0 { (1.0 + rho) / (1.0 - rho) } else { 1.0 }
 }
 
 impl Default for Noise {
@@ -226,7 +248,7 @@ impl PppConfig {
     /// The default, for a `static`.
     pub const DEFAULT: Self = Self {
         motion: Motion::Static,
-        elevation_mask: 7.0 * PI / 180.0,
+        elevation_mask: 5.0 * PI / 180.0,
         bands: BandPairs::DEFAULT,
         ionosphere: Ionosphere::Free,
         troposphere: TroposphereModel { zenith: ZenithModel::Gpt, mapping: MappingFunction::Gmf, humidity: 0.5 },
@@ -252,11 +274,30 @@ mod tests {
     #[test]
     fn errors_that_last_count_by_their_time_constant() {
         let noise = Noise::DEFAULT;
-        // ρ = exp(−30/480) = 0.939 413: 1.939 413/0.060 587 = 32.0104.
-        assert!((noise.correlation(30.0) - 32.0104).abs() < 1e-3);
-        assert!((noise.correlation(1e6) - 1.0).abs() < 1e-12);
-        assert_eq!(Noise { time_constant: 0.0, ..noise }.correlation(30.0), 1.0);
-        assert_eq!(noise.correlation(0.0), 1.0);
+        // ρ = exp(−30/480) = 0.939 413: 1.939 413/0.060 587 = 32.0104; exp(−30/120) = 0.778 801: 1.778 801/0.221 199 = 8.04163.
+        assert!((noise.lasting(30.0) - 32.0104).abs() < 1e-3);
+        assert!((noise.inflation(30.0) - 8.04163).abs() < 1e-4);
+        assert!((noise.inflation(1e6) - 1.0).abs() < 1e-12);
+        assert_eq!(correlation(0.0, 30.0), 1.0);
+        assert_eq!(noise.inflation(0.0), 1.0);
+        // Of one epoch all is known, of many f σ²/n.
+        assert!((noise.inflation(30.0) * noise.scale(1, 30.0) - 1.0).abs() < 1e-12);
+        assert_eq!(noise.scale(0, 30.0), noise.scale(1, 30.0));
+        assert!((noise.scale(u32::MAX, 30.0) - 32.0104 / 8.04163).abs() < 1e-4);
+        assert_eq!(noise.scale(7, 0.0), 1.0);
+    }
+
+    /// The generalised least-squares variance of the mean of n AR(1) errors is (1 + ρ)/(n (1 − ρ) + 2 ρ): (1ᵀ C⁻¹ 1)⁻¹ by the
+    /// tridiagonal inverse of C.
+    #[test]
+    fn the_mean_of_lasting_errors_has_the_variance_of_generalised_least_squares() {
+        let noise = Noise::DEFAULT;
+        let rho = f64::exp(-30.0 / 480.0);
+        for n in [1u32, 2, 5, 40, 1000] {
+            let expected = (1.0 + rho) / (f64::from(n) * (1.0 - rho) + 2.0 * rho);
+            let computed = noise.inflation(30.0) / f64::from(n) * noise.scale(n, 30.0);
+            assert!((computed / expected - 1.0).abs() < 1e-12, "{n}");
+        }
     }
 
     #[test]

@@ -90,6 +90,8 @@ pub struct PppFilter<const S: usize, const N: usize> {
     time: Option<GpsTime>,
     /// From the epoch before to this one, as far as is known `[s]`.
     step: f64,
+    /// Epochs that the density is made of.
+    epochs: u32,
     /// Where the density is linearised.
     position: Vector3<f64>,
     reference: Option<Constellation>,
@@ -122,6 +124,7 @@ impl<const S: usize, const N: usize> PppFilter<S, N> {
             approximate: None,
             time: None,
             step: USUAL_STEP,
+            epochs: 0,
             position: Vector3::new(0.0, 0.0, 0.0),
             reference: None,
             states: States::new(),
@@ -295,6 +298,9 @@ impl<const S: usize, const N: usize> PppFilter<S, N> {
 
     /// Finds where to linearise: where the filter is, or at a single point.
     fn linearize(&mut self, time: GpsTime, products: &impl Products) -> Result<(), Reason> {
+        if self.states.is_empty() {
+            self.epochs = 0;
+        }
         let unsure = (0..3).any(|axis| self.states.density.covariance(axis, axis) > UNSURE * UNSURE);
         if !self.states.is_empty() && !unsure {
             return Ok(());
@@ -486,12 +492,17 @@ impl<const S: usize, const N: usize> PppFilter<S, N> {
     /// The answer from the updated density.
     fn conclude(&mut self, outcome: &mut PppSolution, wet: f64) {
         self.fold();
+        self.epochs = self.epochs.saturating_add(1);
+        let scale = match self.config.motion {
+            Motion::Static => self.config.noise.scale(self.epochs, self.step),
+            Motion::Kinematic => 1.0,
+        };
         let states = &self.states;
         let estimate = |label| {
             let (value, variance) = states.marginal(label)?;
-            Some(Estimate { value, sigma: libm::sqrt(variance) })
+            Some(Estimate { value, sigma: libm::sqrt(scale * variance) })
         };
-        let block = |first: usize| Matrix3::from_fn(|i, j| states.density.covariance(first + i, first + j));
+        let block = |first: usize| Matrix3::from_fn(|i, j| scale * states.density.covariance(first + i, first + j));
         let solution = &mut outcome.solution;
         solution.position = self.position;
         solution.position_covariance = block(0);

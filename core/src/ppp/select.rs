@@ -89,7 +89,8 @@ const PHASES: core::ops::RangeInclusive<f64> = -1e11..=1e11;
 /// The two codes of a satellite differ by no more than this `[m]`: the ionosphere and the receiver.
 const CODES_APART: f64 = 300.0;
 
-/// Attributes of a band in the order in which their *codes* are taken.
+/// Attributes of a band in the order in which their *codes* are taken where nothing is known of their biases: those that the
+/// clocks refer to first.
 fn code_order(constellation: Constellation, band: u8) -> &'static [u8] {
     match (constellation, band) {
         (Constellation::Gps, b'1') => b"WPYCLXSMND",
@@ -111,6 +112,14 @@ fn phase_order(constellation: Constellation, band: u8) -> &'static [u8] {
     }
 }
 
+/// The same where the biases of the codes are known: those of GPS that are tracked without a secret code have less noise.
+fn corrected_order(constellation: Constellation, band: u8) -> &'static [u8] {
+    match (constellation, band) {
+        (Constellation::Gps, b'1' | b'2') => b"CLXSWPYDMN",
+        _ => code_order(constellation, band),
+    }
+}
+
 fn rank(order: &[u8], signal: Signal) -> usize {
     order.iter().position(|&attribute| attribute == signal.attribute()).unwrap_or(order.len())
 }
@@ -125,11 +134,13 @@ fn band_of(
 ) -> Option<BandReading> {
     let constellation = satellite.constellation();
     let own = || observations.iter().filter(|o| o.satellite == satellite && o.signal.band() == band);
-    let codes = code_order(constellation, band);
     // A code that the products can correct comes before one that they cannot.
-    let code = own()
-        .filter(|o| o.code.is_some_and(|code| PSEUDORANGES.contains(&code)))
-        .min_by_key(|o| (!has_bias(satellite, o.signal), rank(codes, o.signal)))?;
+    let of_code = |o: &Observation| {
+        let corrected = has_bias(satellite, o.signal);
+        let order = if corrected { corrected_order(constellation, band) } else { code_order(constellation, band) };
+        (!corrected, rank(order, o.signal))
+    };
+    let code = own().filter(|o| o.code.is_some_and(|code| PSEUDORANGES.contains(&code))).min_by_key(|o| of_code(o))?;
     let phases = phase_order(constellation, band);
     let phase = own()
         .filter(|o| o.phase.is_some_and(|phase| phase != 0.0 && PHASES.contains(&phase)))
@@ -204,6 +215,9 @@ mod tests {
         let names = |band: BandReading| (band.code_signal.to_string(), band.phase_signal.to_string());
         assert_eq!(names(pair.bands[0]), ("1W".into(), "1C".into()));
         assert_eq!(names(chosen(&all, &["1C"])[0].bands[0]), ("1C".into(), "1C".into()));
+        assert_eq!(names(chosen(&all, &["1W"])[0].bands[0]), ("1W".into(), "1C".into()));
+        // Corrected, the civil code is the better one.
+        assert_eq!(names(chosen(&all, &["1C", "1W"])[0].bands[0]), ("1C".into(), "1C".into()));
     }
 
     #[test]

@@ -206,6 +206,29 @@ fn a_receiver_at_rest_is_found_to_centimetres_with_its_clock_bias_and_zenith_del
     }
 }
 
+/// Delays that walk as far as their process noise says are no slips. (They were screened as if they stood still.)
+#[test]
+fn a_lively_ionosphere_ends_no_arcs() {
+    let mut engine = engine(PppConfig { ionosphere: Ionosphere::Estimated, ..PppConfig::DEFAULT });
+    let ripple = |k: u32, observations: &mut Vec<Observation>| {
+        for observation in observations {
+            let (constellation, number) = (observation.satellite.constellation(), observation.satellite.number());
+            let frequency = observation.signal.frequency(constellation, None).unwrap();
+            // Up to 4.7 cm from epoch to epoch on the first band; its walk is 11 cm (1 σ).
+            let turns = f64::from(k) / 20.0 + f64::from(number) * 0.13;
+            let delay = 0.15 * (std::f64::consts::TAU * turns).sin() * (1_575.42e6 / frequency).powi(2);
+            observation.code = observation.code.map(|code| code + delay);
+            observation.phase = observation.phase.map(|phase| phase - delay * frequency / SPEED_OF_LIGHT);
+        }
+    };
+    let mut last = None;
+    for k in 0..120 {
+        last = run(&mut engine, k..k + 1, |_| home(), TRUTH, ripple).pop();
+        assert!(engine.ended().is_empty(), "epoch {k}: {:?}", engine.ended());
+    }
+    assert!((last.unwrap().solution.position - home()).norm() < 0.05);
+}
+
 /// Without noise nothing is left of any residual: rows, births and offsets fit together.
 #[test]
 fn without_noise_residuals_vanish() {

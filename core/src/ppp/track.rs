@@ -148,7 +148,8 @@ pub fn clock_jump<const S: usize>(apart: &mut Vec<f64, S>) -> f64 {
     let jump = MILLISECOND * libm::round(median / MILLISECOND);
     // Most satellites must agree.
     let agree = apart.iter().filter(|change| libm::fabs(**change - jump) < JUMP_TOLERANCE).count();
-    if 2 * agree > apart.len() { jump } else { 0.0 }
+    // (−0 is none.)
+    if 2 * agree > apart.len() && jump != 0.0 { jump } else { 0.0 }
 }
 
 #[cfg(test)]

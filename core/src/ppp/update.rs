@@ -2,10 +2,11 @@
 //!
 //! Codes are screened about the predicted position. Phases are screened as they would be if ambiguities were known: those that are not
 //! new explain the epoch before to the millimetre, and what the geometry makes of the errors of all other states in the
-//! time between is small, so that a phase which is off by more than the noise of two epochs has slipped or is wrong
-//! ([`crate::filter::screen`], with a free clock for each constellation). Panic contract: none.
+//! time between is small, so that a phase which is off by more than the noise of two epochs, and what a slant delay walks
+//! between them where there is one, has slipped or is wrong ([`crate::filter::screen`], with a free clock for each
+//! constellation). Panic contract: none.
 
-use super::config::Motion;
+use super::config::{Ionosphere, Motion, PppConfig};
 use super::link::{Kind, Labels, Link, Row, RowList};
 use super::track::ArcEnd;
 use super::{EndedArc, PppFilter, States};
@@ -20,7 +21,7 @@ impl<const S: usize, const N: usize> PppFilter<S, N> {
     pub(super) fn screen(&mut self, solution: &mut Solution) {
         let covariance = Matrix3::from_fn(|i, j| self.states.density.covariance(i, j));
         let information = covariance.try_inverse().unwrap_or_default();
-        let Self { links, states, tracks, screen: rows, config, reference, ended, .. } = self;
+        let Self { links, states, tracks, screen: rows, config, reference, ended, step, .. } = self;
         let labels = Labels::of(states, *reference);
         let screening = config.screening;
         for kind in Kind::ALL {
@@ -32,7 +33,7 @@ impl<const S: usize, const N: usize> PppFilter<S, N> {
                     let innovation = row.as_ref().map_or(f64::NAN, |row| row.innovation(states.density.mean()));
                     let (new, variance) = match kind {
                         Kind::Code => (false, reading.variance),
-                        Kind::Phase => (link.age == 0, 2.0 * reading.variance),
+                        Kind::Phase => (link.age == 0, 2.0 * reading.variance + walked(link, slot, config, *step)),
                     };
                     let _ = rows.push(screen::Row {
                         gradient: -link.sight.direction,
@@ -77,7 +78,7 @@ impl<const S: usize, const N: usize> PppFilter<S, N> {
         let labels = Labels::of(states, *reference);
         // Epochs of a receiver at rest make up one position together, and their errors are not independent.
         let lasting = match config.motion {
-            Motion::Static => config.noise.correlation(*step),
+            Motion::Static => config.noise.inflation(*step),
             Motion::Kinematic => 1.0,
         };
         for kind in Kind::ALL {
@@ -86,10 +87,7 @@ impl<const S: usize, const N: usize> PppFilter<S, N> {
                 rows.clear();
                 for link in links.iter().filter(|link| !link.readings(kind)[slot % 2].rejected) {
                     if let Some(mut row) = Row::of(link, kind, slot, &labels, states, config) {
-                        // The first code of an arc counts in full: what lasts is in it, and in all that follow.
-                        if kind == Kind::Phase || link.age > 0 {
-                            row.variance *= lasting;
-                        }
+                        row.variance *= lasting;
                         let _ = rows.push(row);
                     }
                 }
@@ -113,12 +111,23 @@ impl<const S: usize, const N: usize> PppFilter<S, N> {
     }
 }
 
+/// What the walk of a slant delay in a step of `h` `[s]` adds to the variance of a phase `[m²]`.
+fn walked(link: &Link, slot: usize, config: &PppConfig, h: f64) -> f64 {
+    match config.ionosphere {
+        Ionosphere::Free => 0.0,
+        Ionosphere::Estimated => {
+            let coefficient = link.ionosphere(Kind::Phase, slot);
+            coefficient * coefficient * config.process.ionosphere * libm::fabs(h)
+        }
+    }
+}
+
 /// Computes postfit residuals of all readings, rejected ones too.
 fn residuals<const S: usize, const N: usize>(
     links: &mut Vec<Link, S>,
     states: &States<N>,
     labels: &Labels,
-    config: &super::PppConfig,
+    config: &PppConfig,
 ) {
     for link in links.iter_mut() {
         for kind in Kind::ALL {
