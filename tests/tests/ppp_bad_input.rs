@@ -95,6 +95,29 @@ fn what_is_missing_is_said_with_its_cost() {
     assert_eq!(last(&done), Quality::Float);
 }
 
+/// Code biases of half a year before are not used, and that is said.
+#[test]
+fn biases_of_another_time_are_warned_of() {
+    let Some(directory) = shared(CASE) else { return };
+    let Some(biases) = shared("data/common/CAS0MGXRAP_20193350000_01D_01D_DCB.BSX.gz") else { return };
+    let short = beginning(&directory, 2, |header| header);
+    let files = [short.path.clone(), directory.join(ORBITS[0]), directory.join(ORBITS[1]), biases];
+    warns(&run(&files).unwrap(), &["the code biases are of 2019-12-01", "none is used"]);
+}
+
+/// Bands that no constellation has (or a receiver with one band) leave no position, and that is said.
+#[test]
+fn bands_that_are_not_there_are_warned_of() {
+    let Some(directory) = shared(CASE) else { return };
+    let short = beginning(&directory, 2, |header| header);
+    let list = FileList::sort(&[short.path.clone(), directory.join(ORBITS[0]), directory.join(ORBITS[1])]).unwrap();
+    let mut job = Job::default();
+    job.settings.engine.bands.bands = [*b"19"; 5];
+    let done = job.run(&list, |_| (), None).unwrap();
+    warns(&done, &["no constellation has two bands of those wanted", "--bands"]);
+    assert_eq!(last(&done), Quality::None);
+}
+
 /// Broadcast messages alone: a position to metres, and that is said.
 #[test]
 fn broadcast_messages_alone_give_metres_and_say_so() {

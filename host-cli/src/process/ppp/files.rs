@@ -11,14 +11,16 @@ use crate::read::blq::Blq;
 use crate::read::clock::Clocks;
 use crate::read::erp::EarthOrientationSeries;
 use crate::read::kind;
-use crate::read::rinex::{NavigationData, ObservationReader};
+use crate::read::rinex::{NavigationData, ObservationHeader, ObservationReader};
 use crate::read::sp3::Sp3;
 use crate::read::{FileKind, ReadError, ReadReport};
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use surefix_core::gnss::ephemeris::Ephemeris;
+use surefix_core::gnss::satellite::Constellation;
 use surefix_core::gnss::time::GpsTime;
+use surefix_core::ppp::select::BandPairs;
 use thiserror::Error;
 
 /// Distances from the geocentre at which a receiver can be `[m]`.
@@ -186,6 +188,7 @@ impl Opened {
         opened.read_products(list)?;
         opened.read_antennas(list)?;
         opened.read_rest(list)?;
+        opened.products.learn_clocks();
         Ok(opened)
     }
 
@@ -401,8 +404,26 @@ impl Opened {
         Ok(())
     }
 
+    /// Warns if no constellation of the observations has both bands of the plan.
+    pub fn check_bands(&mut self, plan: &BandPairs) {
+        let has_pair = |header: &ObservationHeader, constellation: Constellation| {
+            let has = |band: u8| header.signals(constellation).iter().any(|signal| signal.band() == band);
+            // As the engine takes B2I where there is no B3I.
+            let second = |band: u8| has(band) || (constellation == Constellation::BeiDou && has(b'7'));
+            plan.of(constellation).is_some_and(|[a, b]| has(a) && second(b))
+        };
+        let headers = self.observations.iter().map(ObservationReader::header);
+        if headers.into_iter().all(|header| Constellation::ALL.into_iter().all(|c| !has_pair(header, c))) {
+            let file = self.observations.first().map_or(String::new(), |reader| reader.report().file.clone());
+            self.warn(format!(
+                "{file}: no constellation has two bands of those wanted, so that the ionosphere cannot be told from the range and \
+                 there will be no position; name the bands that it has (--bands), or process it with a base (surefix post)"
+            ));
+        }
+    }
+
     /// Whether the products are of the time of the observations, once that is known.
-    pub fn check_time(&self, observed: [GpsTime; 2]) -> Result<(), FilesError> {
+    pub fn check_time(&mut self, observed: [GpsTime; 2]) -> Result<(), FilesError> {
         let observations = Span { first: observed[0], last: observed[1] };
         let check = |what, span: Option<(GpsTime, GpsTime)>| match span {
             Some((first, last)) if last < observations.first || first > observations.last => {
@@ -415,6 +436,16 @@ impl Opened {
         if self.products.orbits.is_none() {
             let times = self.products.broadcast.iter().map(Ephemeris::toe);
             check("navigation messages", times.clone().min().zip(times.max()))?;
+        }
+        if let Some(biases) = &self.products.biases
+            && let Some(of) = biases.span()
+            && observed.iter().all(|&time| biases.at(time).is_empty())
+        {
+            let of = Span { first: of.from, last: of.until };
+            self.warn(format!(
+                "the code biases are of {of}, the observations of {observations}: none is used, which slows the start; give those of \
+                 the day"
+            ));
         }
         Ok(())
     }

@@ -6,7 +6,7 @@ use super::record::Recorder;
 use super::settings::Settings;
 use crate::read::ReadError;
 use crate::smooth::ppp::noise::Measurements;
-use crate::smooth::ppp::{self as smoother, Options, Smoothed};
+use crate::smooth::ppp::{self as smoother, Smoothed};
 use crate::smooth::progress::Progress;
 use nalgebra::Vector3;
 use surefix_core::gnss::epoch::EpochView;
@@ -14,6 +14,7 @@ use surefix_core::gnss::satellite::Constellation;
 use surefix_core::gnss::satellite::SatelliteId;
 use surefix_core::gnss::solution::Quality;
 use surefix_core::gnss::time::GpsTime;
+use surefix_core::ppp::config::Motion;
 use surefix_core::ppp::link::Kind;
 use surefix_core::ppp::track::ArcEnd;
 use surefix_core::ppp::{Estimate, PppFilter, PppSolution};
@@ -113,6 +114,7 @@ impl Job {
         progress: Option<&Progress>,
     ) -> Result<Done, JobError> {
         let mut opened = Opened::new(list)?;
+        opened.check_bands(&self.settings.engine.bands);
         let mut engine = Box::new(Engine::new(self.settings.engine));
         engine.set_antenna(opened.antenna);
         engine.set_approximate(self.start);
@@ -138,7 +140,7 @@ impl Job {
             return Err(JobError::NoEpochs(file));
         };
         opened.check_time([first, last])?;
-        let smoothed = run.smooth(&self.settings.options(self.em), progress)?;
+        let smoothed = run.smooth(&self.settings, self.em, progress)?;
         Ok(Done { run, smoothed, opened })
     }
 }
@@ -202,7 +204,8 @@ impl Run {
     /// Smooths what was recorded, and puts the answers in the place of the engine's.
     fn smooth(
         &mut self,
-        options: &Options,
+        settings: &Settings,
+        em: Option<Measurements>,
         progress: Option<&Progress>,
     ) -> Result<Option<Smoothed>, smoother::PppError> {
         let Some(recorder) = self.recorder.take() else { return Ok(None) };
@@ -212,16 +215,23 @@ impl Run {
         }
         let biases: Vec<(usize, usize)> =
             tape.groups.iter().filter_map(|group| Some((group.constellation.index(), group.isb?))).collect();
-        let smoothed = smoother::smooth(&tape, options, progress)?;
+        let smoothed = smoother::smooth(&tape, &settings.options(em), progress)?;
+        // As in the engine: a position at rest is the mean of errors that last, and longer than the residuals show.
+        let scale = match settings.engine.motion {
+            Motion::Static => (settings.engine.noise.lasting(tape.interval().unwrap_or(f64::INFINITY))
+                / smoothed.report.correlation[1])
+                .max(1.0),
+            Motion::Kinematic => 1.0,
+        };
         let mut states = smoothed.states.iter().peekable();
         for solution in &mut self.solutions {
             let Some(state) = states.next_if(|state| state.time == solution.solution.time) else { continue };
             let estimate = |estimate: smoother::answer::Estimate| Estimate {
                 value: estimate.value,
-                sigma: estimate.variance.max(0.0).sqrt(),
+                sigma: (scale * estimate.variance.max(0.0)).sqrt(),
             };
             solution.solution.position = state.position;
-            solution.solution.position_covariance = state.covariance;
+            solution.solution.position_covariance = scale * state.covariance;
             if let Some((velocity, covariance)) = state.velocity {
                 (solution.solution.velocity, solution.solution.velocity_covariance) = (velocity, covariance);
             }
@@ -260,6 +270,10 @@ pub fn remarks(run: &Run) -> Vec<String> {
     }
     if let Some(names) = union(&|solution| solution.attitude_guessed) {
         remarks.push(format!("in eclipse or a noon turn, attitude a guess (epochs): {names}"));
+    }
+    if !run.arc_ends.is_empty() {
+        let ends: Vec<String> = run.arc_ends.iter().map(|(end, count)| format!("{end} ({count})")).collect();
+        remarks.push(format!("ambiguities began anew after: {}", ends.join(", ")));
     }
     let jumps = run.solutions.iter().filter(|solution| solution.clock_jump != 0.0).count();
     if jumps > 0 {

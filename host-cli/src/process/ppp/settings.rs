@@ -34,7 +34,7 @@ pub struct Smoothing {
     pub ambiguity_walk: f64,
     /// Degrees of freedom of the Student-t distribution of the default scheme.
     pub freedom: f64,
-    /// Pools of less measurements borrow.
+    /// Pools of less measurements are put together.
     pub minimum: usize,
     /// Least standard deviations of codes and phases that are learned `[m]`.
     pub floors: [f64; 2],
@@ -53,7 +53,7 @@ impl Default for Smoothing {
     fn default() -> Self {
         Self {
             learn_motion: true,
-            window: 5,
+            window: 10,
             learn_zenith: true,
             learn_ambiguities: false,
             correlated: true,

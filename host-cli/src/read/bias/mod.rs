@@ -148,6 +148,13 @@ impl BiasData {
         keys.into_iter().filter_map(|key| holds(key).map(|value| AbsoluteBias { key, value })).collect()
     }
 
+    /// When the first of the biases begins to hold, and when the last ends; `None` if there are none.
+    pub fn span(&self) -> Option<Validity> {
+        let validities = || self.absolute.values().chain(self.derived.values()).flatten().map(|(validity, _)| validity);
+        let from = validities().map(|validity| validity.from).min()?;
+        Some(Validity { from, until: validities().map(|validity| validity.until).max()? })
+    }
+
     /// The pairs of signals that the clocks of a constellation refer to: the file's, then the usual ones.
     pub fn clock_references(&self, constellation: Constellation) -> Vec<[Signal; 2]> {
         let mut pairs: Vec<[Signal; 2]> = self.references.get(&constellation).copied().into_iter().collect();
