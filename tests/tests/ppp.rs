@@ -218,17 +218,17 @@ fn zimm_taken_as_moving_is_smoothed_with_clocks_of_15_minutes() {
     assert!(errors.normalized().iter().all(|n| (0.5..1.4).contains(n)), "{:?}", errors.normalized());
 }
 
-/// Six hours of ESBC from standard deviations of 1.2 m and 9 mm, a tenth and ten times of that, and process noise of the
+/// Three hours of ESBC from standard deviations of 1.2 m and 9 mm, a tenth and ten times of that, and process noise of the
 /// troposphere a ten-thousandth and ten thousand times of the default.
 #[test]
 fn em_forgets_where_it_started() {
-    let case = Case { em: true, until: Some((6, 0)), ..ESBC_CASE };
+    let case = Case { em: true, until: Some((3, 0)), ..ESBC_CASE };
     let end = |start: f64, process: f64| {
         let change = |settings: &mut Settings| {
             settings.smoothing.start = Some([1.2 * start, 0.009 * start]);
             settings.smoothing.process_factor = process;
         };
-        Some(run_with("esbc to 06:00, EM", &case, change)?.0.last())
+        Some(run_with("esbc to 03:00, EM", &case, change)?.0.last())
     };
     let Some(usual) = end(1.0, 1.0) else { return };
     for (start, process) in [(0.1, 1.0), (10.0, 1.0), (1.0, 1e-4), (1.0, 1e4)] {
