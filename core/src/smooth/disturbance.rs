@@ -11,8 +11,8 @@
 //! needs neither an inverse nor the smoothed covariance. After the measurement of an epoch the same pair gives
 //! mˢ = m + P r, Pˢ = P − P N P.
 //!
-//! The rows of an epoch that were taken one after another go back in the opposite order. Cost of a row n², 1.5 n² if it is dense, of a time
-//! step z n + z n⁺ for z entries in F. N is kept in its lower triangle. Panic contract: none.
+//! The rows of an epoch that were taken one after another go back in the opposite order. Cost of a row n², 1.5 n² if it is
+//! dense, of a time step z n + z n⁺ for z entries in F. N is kept in its lower triangle. Panic contract: none.
 
 use super::em::Sum;
 use super::step::{BLOCK, Block, Step};

@@ -1,7 +1,8 @@
 //! Precise products from files, as the PPP engine asks for them.
 //!
 //! Orbits are those of SP3 files; clocks those of clock files where they have the satellite, else of the SP3 files;
-//! satellites that neither knows come from broadcast messages, if there are any, with their uncertainty. What is missing is
+//! satellites that neither knows come from broadcast messages, if there are any, with their uncertainty. Between records far
+//! apart, a clock has the variance of a random walk that is pinned at both, as its own records say that it walks. What is missing is
 //! known by [`HostProducts::warnings`], with what it costs.
 
 use crate::read::antex::{Antex, ReceiverAntenna};
@@ -31,6 +32,9 @@ const CLOCK_GAP: f64 = 930.0;
 const DENSE: f64 = 60.0;
 /// Random walk of a satellite clock of which there are too few records to tell `[s/√s]`, by constellation index: GPS, Galileo,
 /// BeiDou, QZSS, GLONASS.
+///
+/// A bridge of length T has the mean variance q T/6: records of Galileo 300 s apart predict those of 30 s to 7.9e-12 s rms (GRG,
+/// 25 June 2020). The number of the others is that with which two days of GPS with clocks of 15 minutes came out best.
 const CLOCK_WALK: [f64; 5] = [3e-12, 1.1e-12, 3e-12, 3e-12, 3e-12];
 /// So many second differences of its records tell a clock's walk.
 const DIFFERENCES: usize = 20;
