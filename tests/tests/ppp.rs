@@ -157,7 +157,7 @@ const ESBC_CASE: Case = Case {
 };
 
 /// Peer: 0.5 cm in the end, 0.65 cm after two hours, below 10 cm after 270 s. The last is not reached: codes and phases of the
-/// first minutes put the station 10 to 12 cm off, within its standard deviation, until 690 s.
+/// first minutes put the station 11 to 23 cm off, within a half of its standard deviation, until 690 s.
 #[test]
 fn esbc_at_rest_ends_within_a_centimetre_and_em_makes_it_no_worse() {
     let Some((errors, _)) = run("esbc static", &ESBC_CASE) else { return };
